@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Time and cost from a scan at the segmentation nodelet to its map. This program is the manager into which
-// launch/objects.launch loads the nodelets (nodelet_path.launch), so both are measured in its process.
+// launch/map.launch loads the nodelets (nodelet_path.launch), so both are measured in its process.
 #include <sys/resource.h>
 
 #include <algorithm>

@@ -28,14 +28,11 @@ add_message_files(DIRECTORY msg FILES
   ThingOutline.msg
   Transit.msg)
 add_service_files(DIRECTORY srv FILES
-  GetObjects.srv
   LoadMap.srv
-  LoadObjects.srv
   PlanDubins.srv
   Relocate.srv
   SaveGrid.srv
-  SaveMap.srv
-  SaveObjects.srv)
+  SaveMap.srv)
 generate_messages(DEPENDENCIES geometry_msgs std_msgs)
 
 if(SITUATION_AWARENESS_SIM)

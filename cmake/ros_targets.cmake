@@ -23,7 +23,6 @@ add_library(${PROJECT_NAME}_ros
   src/ros/inertial_navigation.cpp
   src/ros/map_output.cpp
   src/ros/mission_memory.cpp
-  src/ros/map_services.cpp
   src/ros/map_subscriber.cpp
   src/ros/markers/grid_markers.cpp
   src/ros/markers/map_markers.cpp

@@ -8,7 +8,6 @@ string(REGEX MATCH "^[0-9]+" qt_major "${rviz_QT_VERSION}")
 find_package(Qt${qt_major} REQUIRED COMPONENTS Widgets)
 
 add_library(${PROJECT_NAME}_rviz_logic STATIC
-  src/ros/rviz/drawable_objects.cpp
   src/ros/rviz/feature_mesh.cpp
   src/ros/rviz/knobs.cpp
   src/ros/rviz/map_history.cpp
@@ -21,7 +20,6 @@ target_link_libraries(${PROJECT_NAME}_rviz_logic PUBLIC ${PROJECT_NAME}_ros)
 target_precompile_headers(${PROJECT_NAME}_rviz_logic REUSE_FROM ${PROJECT_NAME}_ros)
 
 add_library(${PROJECT_NAME}_rviz
-  src/ros/rviz/object_map_display.cpp
   src/ros/rviz/knob_form.cpp
   src/ros/rviz/map_scene.cpp
   src/ros/rviz/semantic_map_display.cpp

@@ -40,10 +40,10 @@ which may have all. [cfg/splinegons.yaml](../cfg/splinegons.yaml) has `scan`, `s
 [the semantic grid](#the-semantic-grid). Omitted parameters keep their defaults:
 
     roslaunch situation_awareness map.launch config:=/path/to/my.yaml
-    roslaunch situation_awareness objects.launch config:=/path/to/my.yaml
-    roslaunch situation_awareness grid.launch config:=/path/to/my.yaml dem:=/path/to/dem.tif
+    roslaunch situation_awareness map.launch kinds:=grid grid_config:=/path/to/my.yaml dem:=/path/to/dem.tif
 
-[cfg/map.yaml](../cfg/map.yaml) may have the sections of all but the grid. The first section are arguments of `objects.launch` of the same names.
+[cfg/map.yaml](../cfg/map.yaml) may have the sections of all but the grid. The first section are arguments of
+`map.launch` of the same names.
 `objects_bag`, `polygons_bag`, `splinegons_bag` and `grid_bag` take the same files by `--config`; `map_bag` takes one
 that may have the sections of all, and those of [cfg/grid.yaml](../cfg/grid.yaml) within a section `grid`. A value out of its bounds, or of
 another type, is refused with a message that names it. Parameters marked *live* can be changed while the nodelets run

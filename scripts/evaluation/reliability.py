@@ -186,7 +186,7 @@ def test_table(tests):
 
 
 INTRODUCTION = """
-{sent:,} scans, {hours:g} simulated hours at 20 Hz of their stamps, through the nodelets as `launch/objects.launch`
+{sent:,} scans, {hours:g} simulated hours at 20 Hz of their stamps, through the nodelets as `launch/map.launch`
 starts them, in {minutes:.0f} minutes; faults of {kinds} kinds, and none for comparison, one every {every:g} s on
 average, in random order and at random times, seed {seed}. `scripts/evaluate reliability` writes this page.
 """

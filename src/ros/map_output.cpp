@@ -32,20 +32,26 @@ std::string new_uuid() { return to_string(boost::uuids::random_generator()()); }
 
 }  // namespace
 
-MapOutput::MapOutput(StageContextBase& context, const NodeletParams& params, MapPipeline& pipeline, Publish publish)
+MapOutput::MapOutput(StageContextBase& context, const NodeletParams& params, MapPipeline& pipeline, Publish publish,
+                     Forget forget)
     : context_(context),
       world_frame_(params.world_frame),
       pipeline_(pipeline),
       publish_(std::move(publish)),
+      forget_(std::move(forget)),
       uuid_(new_uuid()),
       whole_limit_(kWhole_hz),
       repair_limit_(kRepair_hz),
+      downlink_limit_(params.downlink_rate_hz),
+      downlink_repair_limit_(kRepair_hz),
       whole_publisher_(context.node().advertise<MapUpdate>("semantic_map", 1, true)),
       // Who comes later begins with the whole map.
       updates_publisher_(context.node().advertise<MapUpdate>("semantic_map/updates", 20,
                                                              [this](const ros::SingleSubscriberPublisher& subscriber) {
                                                                if (pipeline_.has_map()) subscriber.publish(whole());
                                                              })),
+      // Without a queue: what a broken link has delayed is outdated.
+      downlink_publisher_(context.node().advertise<MapUpdate>("downlink/semantic_map", 1)),
       markers_publisher_(context.node().advertise<visualization_msgs::MarkerArray>("semantic_map_markers", 5)),
       services_(context) {
   count({});
@@ -67,6 +73,7 @@ void MapOutput::advertise() {
 }
 
 std::string MapOutput::reset() {
+  forget_();
   const std::string forgotten = count_of(pipeline_.size(), "feature");
   begin_anew();
   return "the map begins anew: " + forgotten + " forgotten";
@@ -129,10 +136,20 @@ void MapOutput::publish(const MapDelta& delta) {
   } else if (is_followed) {
     publish_(updates_publisher_, map_delta_to_msg(delta, uuid_, world_frame_));
   }
+  publish_downlink(delta, now_ns);
   if (markers_publisher_.getNumSubscribers() > 0) {
     markers_publisher_.publish(
         boost::make_shared<const visualization_msgs::MarkerArray>(markers_.update(pipeline_.map(), world_frame_)));
   }
+}
+
+void MapOutput::publish_downlink(const MapDelta& delta, std::int64_t now_ns) {
+  if (downlink_publisher_.getNumSubscribers() == 0) return pending_.clear();
+  pending_.add(delta);
+  if (!downlink_limit_.passes(now_ns)) return;
+  const MapDelta changes = pending_.take();
+  const bool is_whole = changes.full || downlink_repair_limit_.passes(now_ns);
+  publish_(downlink_publisher_, is_whole ? whole() : map_delta_to_msg(changes, uuid_, world_frame_));
 }
 
 /// Another map with another UUID.

@@ -24,7 +24,7 @@ TEST = pathlib.Path(__file__).resolve().parent
 SOURCE = TEST.parents[1]
 BUILD, PREFIX = (pathlib.Path(argument).resolve() for argument in sys.argv[1:3])
 PACKAGE = PREFIX / "share" / "situation_awareness"
-REQUIRED_ARGUMENTS = {"stages.launch": ("stages:=segmentation detection", "manager:=objects_manager",
+REQUIRED_ARGUMENTS = {"stages.launch": ("stages:=segmentation detection", "manager:=map_manager",
                                         f"config:={PACKAGE / 'cfg' / 'objects.yaml'}")}
 
 

@@ -84,7 +84,7 @@ TEST(Threads, ConcurrentPipelinesGiveBitForBitTheResultsOfEachAlone) {
   }
 }
 
-// Several threads may query the map at once (get_objects): queries are const.
+// Several threads may query the map at once (ObjectMap::at): queries are const.
 TEST(Threads, AMapIsReadConcurrentlyWithoutAChange) {
   ObjectMap map(ObjectMapParams{});
   Detections detections;

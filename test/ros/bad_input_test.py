@@ -30,7 +30,7 @@ class BadInputTest(unittest.TestCase):
         time.sleep(1.0)
 
     def tearDown(self):
-        self.assertTrue(rosnode.rosnode_ping("/objects_manager", max_count=1), "the manager lives")
+        self.assertTrue(rosnode.rosnode_ping("/map_manager", max_count=1), "the manager lives")
         stamps = self.robot.run(8)
         wait_until(lambda: stamps[-1] in self.map.stamps(), 5.0, "good scans to be mapped again")
         wait_until(lambda: self.map.messages[-1].objects, 5.0, "the object to be on the map again")

@@ -1,6 +1,6 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""Scans in, a map with their stamps out: launch/objects.launch as a user runs it."""
+"""Scans in, a map with their stamps out: launch/map.launch as a user runs it for objects alone."""
 import math
 import pathlib
 import sys
@@ -23,7 +23,7 @@ class ChainTest(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
         cls.map = Latest("objects", MappedObjectArray)
-        cls.markers = Latest("object_markers", MarkerArray)
+        cls.markers = Latest("semantic_map_markers", MarkerArray)
         cls.cloud = Latest("hit_labels", PointCloud2)
         cls.segments = Latest("segments", SegmentArray)
         cls.detections = Latest("detections", DetectionArray)

@@ -1,6 +1,6 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""objects.launch cloud:=TOPIC: clouds of a depth camera and of a 3D scanner in, a map out; what cannot be used is
+"""map.launch cloud:=TOPIC: clouds of a depth camera and of a 3D scanner in, a map out; what cannot be used is
 counted."""
 import math
 import pathlib
@@ -194,7 +194,7 @@ class CloudTest(unittest.TestCase):
         wait_until(lambda: self.diagnostics.count("slicing", "times of points ignored") > 0, 5.0, "the count")
 
     def test_5_afterwards_it_maps(self):
-        self.assertTrue(rosnode.rosnode_ping("/objects_manager", max_count=1), "the manager lives")
+        self.assertTrue(rosnode.rosnode_ping("/map_manager", max_count=1), "the manager lives")
         self.assert_posts(self.run_clouds(camera_points(), CAMERA, "camera_optical")[0])
 
 

@@ -1,6 +1,6 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""objects.launch detector:=NAME, for every name that there is: it is that detector, with its own model, and it finds an
+"""map.launch detector:=NAME, for every name that there is: it is that detector, with its own model, and it finds an
 ellipse. What is no name is refused with the names that are."""
 import pathlib
 import re

@@ -34,12 +34,13 @@ SAME_M = 1e-4  # angles in messages have single precision
 
 
 class Robot:
-    """objects.launch in a namespace, and a scanner for it."""
+    """map.launch in a namespace, and a scanner for it."""
 
     def __init__(self, namespace, *arguments):
         self.namespace = namespace
         self.launch = subprocess.Popen(
-            ["roslaunch", "--wait", str(ROOT / "launch/objects.launch"), "rviz:=false", *arguments],
+            ["roslaunch", "--wait", str(ROOT / "launch/map.launch"), "kinds:=objects", "world_frame:=world", "rviz:=false",
+             *arguments],
             env=dict(os.environ, ROS_NAMESPACE=namespace), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         self.maps = Latest(f"/{namespace}/objects", MappedObjectArray)
         self.segments = Latest(f"/{namespace}/segments", SegmentArray)
@@ -169,7 +170,7 @@ class FaultsTest(unittest.TestCase):
             good = model.read_bytes()
             model.write_bytes(good[:1000] + bytes([good[1000] ^ 1]) + good[1001:])
             self.logs.clear()
-            manager = rosgraph.Master("faults_test").lookupNode("/model/objects_manager")
+            manager = rosgraph.Master("faults_test").lookupNode("/model/map_manager")
             os.kill(rosnode.ServerProxy(manager).getPid("faults_test")[2], signal.SIGKILL)
 
             def fatal():

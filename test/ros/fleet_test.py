@@ -54,7 +54,7 @@ class FleetTest(unittest.TestCase):
                     seen.setdefault(node, set()).add(name)
         for robot in ROBOTS:
             nodes = [node for node in seen if node.startswith(f"/{robot}/")]
-            self.assertIn(f"/{robot}/objects_manager", nodes)
+            self.assertIn(f"/{robot}/map_manager", nodes)
             for node in nodes:
                 foreign = [name for name in seen[node] - SHARED if not name.startswith(f"/{robot}/")]
                 self.assertEqual(foreign, [], f"of {node}")
@@ -83,18 +83,18 @@ class FleetTest(unittest.TestCase):
     def test_5_a_robot_without_its_manager_leaves_the_other_alone(self):
         alpha, bravo = self.maps["alpha"], self.maps["bravo"]
         before = len(bravo.messages)
-        pid = pid_of("/alpha/objects_manager")
+        pid = pid_of("/alpha/map_manager")
         os.kill(pid, signal.SIGKILL)
         killed = time.time()
         wait_until(lambda: alpha.messages[-1].header.stamp.to_sec() > killed + 1.0
                    and len(bravo.messages) > before + 20, 60.0, "alpha's map to come back, and 20 of bravo's")
-        self.assertNotEqual(pid_of("/alpha/objects_manager"), pid)
+        self.assertNotEqual(pid_of("/alpha/map_manager"), pid)
         stamps = [stamp.to_sec() for stamp in bravo.stamps()[before:]]
         self.assertLess(max(later - earlier for earlier, later in zip(stamps, stamps[1:])), 1.0, "bravo's map stopped")
 
     def rviz_topics(self, *arguments):
         """The initially enabled displays of rviz, by group."""
-        config = pathlib.Path(__file__).resolve().parents[2] / "cfg/rviz/sim.rviz"
+        config = pathlib.Path(__file__).resolve().parents[2] / "cfg/rviz/map.rviz"
         shown = yaml.safe_load(subprocess.run(
             ["rosrun", "situation_awareness", "fleet_rviz", "--print", "--config", config, *arguments],
             capture_output=True, text=True, timeout=30, check=True).stdout)
@@ -106,12 +106,12 @@ class FleetTest(unittest.TestCase):
         topics = self.rviz_topics(*ROBOTS)
         self.assertEqual(set(topics), set(ROBOTS))
         for robot in ROBOTS:
-            self.assertLessEqual({f"/{robot}/scan", f"/{robot}/objects"}, set(topics[robot]))
+            self.assertLessEqual({f"/{robot}/scan", f"/{robot}/semantic_map/updates"}, set(topics[robot]))
             self.assertTrue(all(topic.startswith(f"/{robot}/") for topic in topics[robot]), topics)
         on_ground = {topic for part in self.rviz_topics("--ground", *ROBOTS).values() for topic in part}
-        self.assertLessEqual({"/alpha/ground/objects", "/bravo/ground/objects"}, on_ground)
+        self.assertLessEqual({"/alpha/ground/semantic_map/updates", "/bravo/ground/semantic_map/updates"}, on_ground)
         self.assertTrue(all("/ground/" in topic for topic in on_ground), on_ground)
-        self.assertIn("ground/objects", self.rviz_topics("--ground", "none")["none"])
+        self.assertIn("ground/semantic_map/updates", self.rviz_topics("--ground", "none")["none"])
 
 
 if __name__ == "__main__":

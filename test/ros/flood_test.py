@@ -39,7 +39,7 @@ class FloodTest(unittest.TestCase):
         cls.sent = len(cls.robot.run(20))
 
     def tearDown(self):
-        self.assertTrue(rosnode.rosnode_ping("/objects_manager", max_count=1), "the manager lives")
+        self.assertTrue(rosnode.rosnode_ping("/map_manager", max_count=1), "the manager lives")
 
     def drops(self, stage):
         return {key: int(value) for key, value in self.diagnostics.stages[stage].items() if key.startswith("dropped")}

@@ -80,9 +80,8 @@ class GridClassesTest(unittest.TestCase):
 
     def test_parameters_of_the_class_are_set(self):
         self.assertEqual(rospy.get_param("/van/grid_mapping/grid/class_height_m"), 1.25)
-        self.assertEqual(rospy.get_param("/van/grid_mapping/labelling/class_name"), "van")
+        self.assertEqual(rospy.get_param("/van/image_labelling/labelling/class_name"), "van")
         self.assertEqual(rospy.get_param("/car/grid_mapping/grid/class_height_m"), 1.5)
-        self.assertEqual(rospy.get_param("/car/grid_mapping/labelling/class_name"), "car")
 
 
 if __name__ == "__main__":

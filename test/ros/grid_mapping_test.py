@@ -49,7 +49,7 @@ class GridMappingTest(unittest.TestCase):
         cls.lines = [json.loads(line) for line in (cls.path / "out.jsonl").read_text().splitlines()]
         cls.targets = Latest("/targets", TargetArray)
         cls.grid, cls.cells = Latest("/grid", OccupancyGrid), Latest("/grid_cells", PointCloud2)
-        cls.markers, cls.diagnostics = Latest("/target_markers", MarkerArray), Latest("/diagnostics", DiagnosticArray)
+        cls.markers, cls.diagnostics = Latest("/semantic_map_markers", MarkerArray), Latest("/diagnostics", DiagnosticArray)
         cls.publishers = {topic: rospy.Publisher(topic, kind, queue_size=100, tcp_nodelay=True)
                           for topic, kind in KINDS.items()}
         cls.tf_static = rospy.Publisher("/tf_static", TFMessage, queue_size=10, latch=True)

@@ -124,14 +124,15 @@ class Record:
 def record(topics):
     import rospy
     from sensor_msgs.msg import LaserScan
-    from situation_awareness.msg import MappedObjectArray
+    from situation_awareness.msg import MapUpdate
     rospy.init_node("recorder", anonymous=True)
 
     def write(topic, msg):  # whole lines: each topic has its own thread
-        os.write(1, f"{topic} {time.time():.3f} {msg.header.stamp.to_sec():.3f}\n".encode())
+        names = [topic, f"{topic}:whole"] if getattr(msg, "full", False) else [topic]
+        os.write(1, "".join(f"{name} {time.time():.3f} {msg.header.stamp.to_sec():.3f}\n" for name in names).encode())
 
     for topic in topics:
-        rospy.Subscriber(topic, LaserScan if topic == "scan" else MappedObjectArray,
+        rospy.Subscriber(topic, LaserScan if topic == "scan" else MapUpdate,
                          lambda msg, topic=topic: write(topic, msg), queue_size=100)
     rospy.spin()
 
@@ -149,9 +150,9 @@ class HostsTest(unittest.TestCase):
         cls.robot.start(*SIMULATED_ROBOT)
         cls.ground.start("roslaunch", "--wait", "situation_awareness", "ground.launch", "rviz:=false")
         time.sleep(5.0)
-        cls.on_robot = cls.robot.record("scan", "objects")
-        cls.on_ground = cls.ground.record("ground/objects")
-        cls.on_ground.wait("ground/objects", 0.0, 0.5, 60.0)
+        cls.on_robot = cls.robot.record("scan", "semantic_map/updates")
+        cls.on_ground = cls.ground.record("ground/semantic_map/updates")
+        cls.on_ground.wait("ground/semantic_map/updates", 0.0, 0.5, 60.0)
 
     def test_1_the_link_carries_less_than_a_megabit(self):
         time.sleep(5.0)  # more of the world is on the map
@@ -164,24 +165,27 @@ class HostsTest(unittest.TestCase):
         self.assertLess(received + sent, MAX_BITS_PER_S)
 
     def test_2_a_cut_link_comes_back_with_what_is_current(self):
-        over_tcp = self.ground.record("downlink/objects")
-        over_tcp.wait("downlink/objects", 0.0, 0.5, 20.0)
+        over_tcp = self.ground.record("downlink/semantic_map")
+        over_tcp.wait("downlink/semantic_map", 0.0, 0.5, 20.0)
         self.network.set_link("switch", "ground", "down")
         down = time.time()
         time.sleep(CUT_S)
         self.network.set_link("switch", "ground", "up")
         up = time.time()
-        back = self.on_ground.wait("ground/objects", up, 0.5, 10.0)
-        tcp_back = over_tcp.wait("downlink/objects", up, 0.5, CUT_S + 10.0)
-        old = [row for row in self.on_ground.of("ground/objects", up) if row[0] - row[1] > 1.0]
+        back = self.on_ground.wait("ground/semantic_map/updates", up, 0.5, 10.0)
+        tcp_back = over_tcp.wait("downlink/semantic_map", up, 0.5, CUT_S + 10.0)
+        old = [row for row in self.on_ground.of("ground/semantic_map/updates", up) if row[0] - row[1] > 1.0]
         print(f"after {CUT_S:.0f} s without a link the map was back in {back - up:.2f} s with {len(old)} old ones, over "
               f"TCP in {tcp_back - up:.2f} s")
-        self.assertEqual(self.on_ground.of("ground/objects", down + 0.5, up), [], "the link was cut")
+        self.assertEqual(self.on_ground.of("ground/semantic_map/updates", down + 0.5, up), [], "the link was cut")
+        whole = self.on_ground.wait("ground/semantic_map/updates:whole", up, 0.5, 10.0)
+        print(f"the whole map was back in {whole - up:.2f} s")
         self.assertLess(back - up, 3.0)
+        self.assertLess(whole - up, 5.0)
         self.assertLessEqual(len(old), 1)
 
         scans = {stamp for _, stamp in self.on_robot.of("scan", down, up)}
-        maps = {stamp for _, stamp in self.on_robot.of("objects", down, up + 1.0)}
+        maps = {stamp for _, stamp in self.on_robot.of("semantic_map/updates", down, up + 1.0)}
         print(f"of {len(scans)} scans of that time {len(scans & maps)} are on the robot's map")
         self.assertGreater(len(scans), 100)
         self.assertGreaterEqual(len(scans & maps), 0.98 * len(scans), "perception lost scans while the link was cut")
@@ -192,7 +196,7 @@ class HostsTest(unittest.TestCase):
         time.sleep(4.0)
         self.network.set_link("robot", "eth0", "up")
         up = time.time()
-        back = self.on_ground.wait("ground/objects", up, 0.5, 15.0)
+        back = self.on_ground.wait("ground/semantic_map/updates", up, 0.5, 15.0)
         print(f"after 4 s without an interface the map was back in {back - up:.2f} s")
 
     def test_4_nothing_has_ended(self):
@@ -205,10 +209,10 @@ class HostsTest(unittest.TestCase):
         self.assertEqual(len(managers), 1)
         self.network.set_link("switch", "ground", "down")
         os.kill(int(managers[0]), signal.SIGKILL)
-        self.on_robot.wait("objects", time.time() + 1.0, 0.5, 60.0)
+        self.on_robot.wait("semantic_map/updates", time.time() + 1.0, 0.5, 60.0)
         self.network.set_link("switch", "ground", "up")
         up = time.time()
-        back = self.on_ground.wait("ground/objects", up, 0.5, 15.0)
+        back = self.on_ground.wait("ground/semantic_map/updates", up, 0.5, 15.0)
         print(f"a new manager's map came {back - up:.2f} s after the link")
 
     def test_6_a_robot_that_was_started_anew_is_found(self):
@@ -216,7 +220,7 @@ class HostsTest(unittest.TestCase):
         self.robot.stop()
         stopped = time.time()
         self.robot.start(*SIMULATED_ROBOT)
-        back = self.on_ground.wait("ground/objects", stopped, 0.5, 60.0)
+        back = self.on_ground.wait("ground/semantic_map/updates", stopped, 0.5, 60.0)
         print(f"a new robot's map came {back - stopped:.0f} s after the old one had ended")
 
 

@@ -131,7 +131,7 @@ class LiveParamsTest(unittest.TestCase):
     def test_8_a_respawn_keeps_live_values(self):
         self.set("segmentation", max_range_m=2.5)
         self.set("mapping", max_unseen_s=7.0)
-        os.kill(pid_of("/objects_manager"), signal.SIGKILL)
+        os.kill(pid_of("/map_manager"), signal.SIGKILL)
 
         def back():
             msg = scan_msg(rospy.Time.now(), circles=CIRCLE)

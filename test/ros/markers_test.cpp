@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <cmath>
+#include <cstdint>
 #include <set>
+#include <string>
 #include <variant>
 
 #include <gtest/gtest.h>
@@ -9,6 +11,7 @@
 #include "situation_awareness/ros/markers/map_markers.hpp"
 #include "situation_awareness/ros/markers/object_markers.hpp"
 #include "situation_awareness/ros/markers/polygon_markers.hpp"
+#include "situation_awareness/ros/markers/shown_markers.hpp"
 #include "situation_awareness/ros/markers/splinegon_markers.hpp"
 
 namespace situation_awareness::markers_test {
@@ -69,8 +72,27 @@ const Marker& find(const visualization_msgs::MarkerArray& array, const std::stri
   throw std::runtime_error("no marker " + name);
 }
 
+/// Markers of successive maps of one layer, as MapMarkers shows those of all.
+template <class Layer>
+class LayerMarkers {
+ public:
+  visualization_msgs::MarkerArray update(const Layer& layer, const std::string& world_frame) {
+    return shown_.update(make_header(world_frame, layer.stamp_ns), markers_of(layer, world_frame));
+  }
+
+ private:
+  static std_msgs::Header make_header(const std::string& frame, std::int64_t stamp_ns) {
+    std_msgs::Header header;
+    header.frame_id = frame;
+    header.stamp.fromNSec(static_cast<std::uint64_t>(stamp_ns));
+    return header;
+  }
+
+  ShownMarkers shown_;
+};
+
 TEST(ObjectMarkers, DrawTheMapAndNothingElse) {
-  ObjectMarkers markers;
+  LayerMarkers<Objects> markers;
   Viewer viewer;
   viewer.receive(markers.update(map_of({object(1), object(2, 1.0), object(3)}), "world"));
   EXPECT_EQ(viewer.ids("object"), (std::set<int>{1, 2, 3}));
@@ -90,7 +112,7 @@ TEST(ObjectMarkers, DrawTheMapAndNothingElse) {
 }
 
 TEST(ObjectMarkers, EllipseAndUncertaintyHaveTheirSizes) {
-  ObjectMarkers markers;
+  LayerMarkers<Objects> markers;
   Object one = object(5);
   one.covariance(0, 0) = 0.04;  // sigma 0.2 m along x, 0.01 m along y
   const auto array = markers.update(map_of({one}), "world");
@@ -107,7 +129,7 @@ TEST(ObjectMarkers, EllipseAndUncertaintyHaveTheirSizes) {
 }
 
 TEST(ObjectMarkers, ABoxIsACubeOfItsSides) {
-  ObjectMarkers markers;
+  LayerMarkers<Objects> markers;
   Object one = object(5);
   one.shape = Shape::kBox;
   one.box_world = {{1.0, 2.0}, 0.75, 0.5, 0.25};
@@ -124,7 +146,7 @@ TEST(ObjectMarkers, ABoxIsACubeOfItsSides) {
 }
 
 TEST(ObjectMarkers, TheClassIsATextBesideTheId) {
-  ObjectMarkers markers;
+  LayerMarkers<Objects> markers;
   Object one = object(5);
   EXPECT_EQ(find(markers.update(map_of({one}), "world"), "id").text, "5");
   one.object_class = ObjectClass::kPerson;
@@ -133,7 +155,7 @@ TEST(ObjectMarkers, TheClassIsATextBesideTheId) {
 }
 
 TEST(ObjectMarkers, SurviveAnUnknownPosition) {
-  ObjectMarkers markers;
+  LayerMarkers<Objects> markers;
   Object one = object(5);
   one.covariance.setZero();
   one.covariance(0, 0) = -1e-18;  // rounding
@@ -153,7 +175,7 @@ Polygons two_chains() {
 }
 
 TEST(PolygonMarkers, OneMarkerHasAllEdgesOfAState) {
-  PolygonMarkers markers;
+  LayerMarkers<Polygons> markers;
   Polygons polygons = two_chains();
   const auto array = markers.update(polygons, "map");
   const Marker wall = find(array, "wall");
@@ -198,7 +220,7 @@ Splinegons round_tower(double radius_m, double sigma_m) {
 
 TEST(SplinegonMarkers, DrawTheArcsAndTheEnvelopeBesideThem) {
   constexpr double kRadius_m = 8.0, kSigma_m = 0.3;
-  SplinegonMarkers markers;
+  LayerMarkers<Splinegons> markers;
   Splinegons splinegons = round_tower(kRadius_m, kSigma_m);
   const auto array = markers.update(splinegons, "world");
   const Marker closed = find(array, "closed");
@@ -226,23 +248,6 @@ TEST(SplinegonMarkers, DrawTheArcsAndTheEnvelopeBesideThem) {
   EXPECT_EQ(find(next, "open").action, Marker::ADD);
   splinegons.boundaries.clear();
   for (const Marker& marker : markers.update(splinegons, "world").markers) EXPECT_EQ(marker.action, Marker::DELETE);
-}
-
-TEST(LocalPolygonMarkers, DrawTheScansPolylinesInTheWorld) {
-  Polylines polylines;
-  polylines.stamp_ns = 1'000'000'000;
-  polylines.height_world_m = 15.0;
-  polylines.T_world_level = {{1.0, 2.0}, 0.5 * 3.14159265358979323846};
-  polylines.vertices = {{{1.0, 0.0}, {}}, {{2.0, 0.0}, {}}, {{2.0, 1.0}, {}}, {{9.0, 9.0}, {}}};
-  polylines.polylines.push_back({0, 3, 0, 3, SegmentEnd::kFree, SegmentEnd::kFree});
-  polylines.polylines.push_back({3, 1, 3, 1, SegmentEnd::kFree, SegmentEnd::kFree});
-  LocalPolygonMarkers markers;
-  const Marker local = find(markers.update(polylines, {{10.0, 0.0}, 0.0}, "world"), "local_polygon");
-  ASSERT_EQ(local.points.size(), 4U) << "two edges; a lone vertex has none";
-  EXPECT_NEAR(local.points[0].x, 11.0, 1e-9);
-  EXPECT_NEAR(local.points[0].y, 3.0, 1e-9);
-  EXPECT_NEAR(local.points[3].x, 10.0, 1e-9);
-  EXPECT_NEAR(local.points[3].y, 4.0, 1e-9);
 }
 
 TEST(MapMarkers, AThingThatBecomesOneOfAnotherKindKeepsItsLabel) {

@@ -19,7 +19,7 @@ from fault_record import fault  # noqa: E402
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 PATIENCE_S = 60.0
-MANAGER = "/objects_manager"
+MANAGER = "/map_manager"
 FOREIGN_MANAGER = "/foreign_manager"
 IDLE_S = 10.0  # longer than the detection of a new master (2 s) and of idleness (5 s)
 STAGES = ("/segmentation", "/detection", "/mapping")
@@ -101,8 +101,8 @@ class MasterTest(unittest.TestCase):
         return pathlib.Path(self.folder.name) / f"{name}.log"
 
     def start_launch(self, *arguments):
-        return self.start("launch", ["roslaunch", "--wait", str(ROOT / "launch/objects.launch"), "rviz:=false",
-                                     self.config, *arguments])
+        return self.start("launch", ["roslaunch", "--wait", str(ROOT / "launch/map.launch"), "kinds:=objects",
+                                     "world_frame:=world", "rviz:=false", self.config, *arguments])
 
     def start_robot(self, name):
         return self.start(name, ["/usr/bin/python3", "-c", ROBOT, str(ROOT / "test/ros"), name])

@@ -35,7 +35,7 @@ class RestartTest(unittest.TestCase):
         self.assertEqual(self.map.messages[-1].objects[0].observations, 10)
 
     def test_2_a_killed_manager_comes_back(self):
-        os.kill(pid_of("/objects_manager"), signal.SIGKILL)
+        os.kill(pid_of("/map_manager"), signal.SIGKILL)
 
         def maps_again():
             stamp = self.robot.run(1)[0]

@@ -9,10 +9,11 @@ import unittest
 
 import rospy
 import rostest
+from std_srvs.srv import Trigger
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
-from ros_support import (ANGLE_MIN, BEAMS, INCREMENT, Diagnostics, MapFollower, Robot, scan_msg,  # noqa: E402
-                         transform_msg, wait_until)
+from ros_support import (ANGLE_MIN, BEAMS, INCREMENT, Diagnostics, Latest, MapFollower, Robot,  # noqa: E402
+                         scan_msg, transform_msg, wait_until)
 from situation_awareness.msg import MapFeature, MappedObject, MappedObjectArray  # noqa: E402
 
 PERIOD_S = 0.04
@@ -102,6 +103,25 @@ class SemanticMapMoversTest(unittest.TestCase):
         wait_until(lambda: self.count("objects that cannot be used") == 1, 5.0, "objects that cannot be used")
         self.see(x, y)
         self.assertEqual(set(self.inside()), ids)
+
+    def test_z_a_reset_forgets_what_the_map_of_objects_knows(self):
+        objects = Latest("objects", MappedObjectArray)
+        wait_until(lambda: objects.subscriber.get_num_connections() > 0, 10.0, "mapping")
+        y = -2.0
+        while y < 0.0:
+            self.see(2.0, y)
+            y += PERIOD_S
+        self.assertEqual(len(objects.messages[-1].objects), 1)
+        uuid, ids = self.maps.map, {feature.id for feature in objects.messages[-1].objects} | set(self.inside())
+        response = rospy.ServiceProxy("semantic_map/reset", Trigger)()
+        self.assertTrue(response.success, response.message)
+        wait_until(lambda: not objects.messages[-1].objects, 5.0, "no objects")
+        while y < 1.0:
+            self.see(2.0, y)
+            y += PERIOD_S
+        self.assertNotEqual(self.maps.map, uuid)
+        self.assertEqual(len(objects.messages[-1].objects), 1)
+        self.assertFalse(ids & ({feature.id for feature in objects.messages[-1].objects} | set(self.inside())))
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Messages between the stages are not serialised: subscribers get the published object itself. This test is the manager
-// into which launch/objects.launch loads the nodelets.
+// into which launch/map.launch loads the nodelets.
 #include <atomic>
 #include <cmath>
 #include <functional>
@@ -212,7 +212,7 @@ TEST(TimedSubscriber, ArrivalIsWhenAMessageCameAlsoWhereItIsProcessedLater) {
 
 int main(int argc, char** argv) {
   testing::InitGoogleTest(&argc, argv);
-  ros::init(argc, argv, "objects_manager");
+  ros::init(argc, argv, "map_manager");
   nodelet::Loader loader;
   ros::AsyncSpinner spinner(1);
   spinner.start();

@@ -9,7 +9,7 @@
 
 namespace situation_awareness {
 
-/// Adds a feature to the end of a list as the object FEATURE of docs/ros.md ("Offline: map_bag"): its kind, class,
+/// Adds a feature to the end of a list as the object FEATURE of docs/offline.md ("map_bag"): its kind, class,
 /// probabilities, times (s), outline (m, in the world), and what its kind has beside. Throws std::runtime_error if a
 /// number is not finite.
 void add_feature(Json& list, const Feature& feature);

@@ -67,8 +67,4 @@ std::vector<visualization_msgs::Marker> markers_of(const GridTargets& targets, c
   return markers;
 }
 
-visualization_msgs::MarkerArray GridMarkers::update(const GridTargets& targets, const std::string& world_frame) {
-  return shown_.update(make_header(world_frame, targets.stamp_ns), markers_of(targets, world_frame));
-}
-
 }  // namespace situation_awareness

@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <utility>
 #include <vector>
 
 #include "make_marker.hpp"
@@ -67,10 +66,6 @@ std::vector<visualization_msgs::Marker> markers_of(const Objects& objects, const
     markers.push_back(uncertainty(header, object, objects.height_world_m));
   }
   return markers;
-}
-
-visualization_msgs::MarkerArray ObjectMarkers::update(const Objects& objects, const std::string& world_frame) {
-  return shown_.update(make_header(world_frame, objects.stamp_ns), markers_of(objects, world_frame));
 }
 
 }  // namespace situation_awareness

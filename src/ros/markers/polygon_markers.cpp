@@ -112,8 +112,4 @@ std::vector<visualization_msgs::Marker> markers_of(const Polygons& polygons, con
   return markers;
 }
 
-visualization_msgs::MarkerArray PolygonMarkers::update(const Polygons& polygons, const std::string& world_frame) {
-  return shown_.update(make_header(world_frame, polygons.stamp_ns), markers_of(polygons, world_frame));
-}
-
 }  // namespace situation_awareness

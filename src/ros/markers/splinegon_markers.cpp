@@ -16,10 +16,8 @@ using visualization_msgs::Marker;
 constexpr Color kClosedColor{0.12F, 0.42F, 0.82F};
 constexpr Color kOpenColor{0.15F, 0.65F, 0.3F};
 constexpr Color kEnvelopeColor{1.0F, 0.85F, 0.62F};  // opaque, since its pieces overlap where the boundary bends
-constexpr Color kLocalColor{0.85F, 0.1F, 0.1F};
 
 constexpr double kBoundaryWidth_m = 0.2;
-constexpr double kLocalWidth_m = 0.12;
 constexpr double kVertex_m = 0.5;
 constexpr double kJoint_m = 0.25;
 /// Between points along a boundary: half a metre of an arc of 5 m is 6 mm off its chord.
@@ -99,28 +97,6 @@ std::vector<visualization_msgs::Marker> markers_of(const Splinegons& splinegons,
     markers.back().scale.z = kLabelHeight_m;
   }
   return markers;
-}
-
-visualization_msgs::MarkerArray SplinegonMarkers::update(const Splinegons& splinegons, const std::string& world_frame) {
-  return shown_.update(make_header(world_frame, splinegons.stamp_ns), markers_of(splinegons, world_frame));
-}
-
-visualization_msgs::MarkerArray LocalPolygonMarkers::update(const Polylines& polylines, const Pose2& T_world_map,
-                                                            const std::string& world_frame) {
-  const std_msgs::Header header = make_header(world_frame, polylines.stamp_ns);
-  Marker m = make_marker(header, "local_polygon", 0, Marker::LINE_LIST, kLocalColor, 1.0F);
-  m.scale.x = kLocalWidth_m;
-  const Pose2 T_world_level = T_world_map * polylines.T_world_level;
-  for (const Polyline& polyline : polylines.polylines) {
-    for (std::size_t i = polyline.first_vertex; i + 1 < polyline.first_vertex + polyline.vertices; ++i) {
-      for (const std::size_t end : {i, i + 1}) {
-        m.points.push_back(make_point(T_world_level * polylines.vertices[end].p_level_m, polylines.height_world_m));
-      }
-    }
-  }
-  std::vector<Marker> markers;
-  if (!m.points.empty()) markers.push_back(std::move(m));
-  return shown_.update(header, std::move(markers));
 }
 
 }  // namespace situation_awareness

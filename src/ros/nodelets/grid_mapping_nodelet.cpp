@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// labels, camera_info, odometry (for its covariance), TF world -> camera  ->  targets, grid, grid_cells, target_markers
+// labels, camera_info, odometry (for its covariance), TF world -> camera  ->  targets, grid, grid_cells
 #include <cstdint>
-#include <exception>
 #include <memory>
 #include <optional>
 #include <string>
@@ -9,12 +8,10 @@
 #include <nav_msgs/OccupancyGrid.h>
 #include <nav_msgs/Odometry.h>
 #include <ros/publisher.h>
-#include <ros/service_server.h>
 #include <sensor_msgs/CameraInfo.h>
 #include <sensor_msgs/Image.h>
 #include <sensor_msgs/PointCloud2.h>
 #include <std_srvs/Trigger.h>
-#include <visualization_msgs/MarkerArray.h>
 #include <pluginlib/class_list_macros.hpp>
 
 #include "situation_awareness/SaveGrid.h"
@@ -26,11 +23,11 @@
 #include "situation_awareness/ros/convert/labels.hpp"
 #include "situation_awareness/ros/convert/poses.hpp"
 #include "situation_awareness/ros/convert/time.hpp"
-#include "situation_awareness/ros/markers/grid_markers.hpp"
 #include "situation_awareness/ros/odometry_covariances.hpp"
 #include "situation_awareness/ros/params/grid_nodelet_params.hpp"
 #include "situation_awareness/ros/posed_input.hpp"
 #include "situation_awareness/ros/receipt.hpp"
+#include "situation_awareness/ros/services.hpp"
 #include "situation_awareness/ros/stage_nodelet.hpp"
 #include "situation_awareness/ros/timed_subscriber.hpp"
 
@@ -50,7 +47,7 @@ class GridMappingStage {
         targets_publisher_(context.node().advertise<TargetArray>("targets", 20)),
         grid_publisher_(context.node().advertise<nav_msgs::OccupancyGrid>("grid", 1, true)),
         cells_publisher_(context.node().advertise<sensor_msgs::PointCloud2>("grid_cells", 1, true)),
-        markers_publisher_(context.node().advertise<visualization_msgs::MarkerArray>("target_markers", 5)),
+        services_(context),
         input_(context, params.nodelet, params.reset_time_jump_s, 0.0,
                {labels_msg_defect,
                 [](const sensor_msgs::Image& msg) {
@@ -66,8 +63,16 @@ class GridMappingStage {
       odometry_.emplace(context_.node(), "odometry", [this](const auto& msg, const ros::SteadyTime& /*arrival*/) {
         covariances_.add(*msg, receipt_ns());
       });
-      reset_ = context_.private_node().advertiseService("reset", &GridMappingStage::reset, this);
-      save_ = context_.private_node().advertiseService("save_grid", &GridMappingStage::save, this);
+      services_.add<std_srvs::Trigger>(context_.private_node(), "reset",
+                                       [this](const auto& /*request*/, auto& response) {
+                                         begin();
+                                         response.message = "the grid and its targets were forgotten";
+                                       });
+      services_.add<SaveGrid>(context_.private_node(), "save_grid", [this](const auto& request, auto& response) {
+        check_absolute(request.file);
+        save_geotiff(request.file, pipeline_->map().grid());
+        response.message = "saved in " + request.file;
+      });
     });
   }
 
@@ -86,9 +91,6 @@ class GridMappingStage {
       grid_ns_.reset();
     }
     context_.publish(targets_publisher_, grid_targets_to_msg(targets, params_.nodelet.world_frame));
-    if (markers_publisher_.getNumSubscribers() > 0) {
-      context_.publish(markers_publisher_, markers_.update(targets, params_.nodelet.world_frame));
-    }
     if (!grid_ns_ || seconds_between(*grid_ns_, labels.stamp_ns) >= params_.grid_period_s) publish_grid();
     return true;
   }
@@ -108,30 +110,6 @@ class GridMappingStage {
     context_.publish(cells_publisher_, grid_to_cloud(grid, params_.nodelet.world_frame));
   }
 
-  bool reset(std_srvs::Trigger::Request& /*request*/, std_srvs::Trigger::Response& response) {
-    begin();
-    response.success = 1;
-    response.message = "the grid and its targets were forgotten";
-    ROS_INFO_STREAM(context_.name() << ": " << response.message);
-    return true;
-  }
-
-  bool save(SaveGrid::Request& request, SaveGrid::Response& response) {
-    try {
-      if (request.file.empty() || request.file.front() != '/') {
-        throw std::invalid_argument("'" + request.file + "' is no absolute path");
-      }
-      save_geotiff(request.file, pipeline_->map().grid());
-      response.success = 1;
-      response.message = "saved in " + request.file;
-      ROS_INFO_STREAM(context_.name() << ": " << response.message);
-    } catch (const std::exception& error) {
-      response.message = error.what();
-      ROS_WARN_STREAM(context_.name() << ": refused: " << response.message);
-    }
-    return true;
-  }
-
   void report(StageDiagnostics::Status& status) {
     const std::string why_nothing = pipeline_->why_nothing();
     if (!why_nothing.empty()) status.mergeSummary(diagnostic_msgs::DiagnosticStatus::WARN, why_nothing);
@@ -149,9 +127,8 @@ class GridMappingStage {
   OdometryCovariances covariances_;
   sensor_msgs::CameraInfoConstPtr camera_info_;  ///< the latest
   std::optional<std::int64_t> grid_ns_;          ///< of the latest grid that was published
-  GridMarkers markers_;
-  ros::Publisher targets_publisher_, grid_publisher_, cells_publisher_, markers_publisher_;
-  ros::ServiceServer reset_, save_;
+  ros::Publisher targets_publisher_, grid_publisher_, cells_publisher_;
+  Services services_;
   std::optional<TimedSubscriber<sensor_msgs::CameraInfo>> info_;
   std::optional<TimedSubscriber<nav_msgs::Odometry>> odometry_;
   Input input_;

@@ -1,11 +1,14 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// segments, pose, objects, targets  ->  semantic_map, semantic_map/updates, semantic_map_markers
+// segments, pose, objects, targets  ->  semantic_map, semantic_map/updates, downlink/semantic_map, semantic_map_markers
 #include <cstddef>
 #include <exception>
 #include <optional>
 #include <stdexcept>
+#include <string>
 #include <utility>
 
+#include <ros/service.h>
+#include <std_srvs/Trigger.h>
 #include <pluginlib/class_list_macros.hpp>
 
 #include "situation_awareness/TargetArray.h"
@@ -36,7 +39,8 @@ class SemanticMapStage {
         pipeline_(params.pipeline, kinds_),
         output_(
             context, params.nodelet, pipeline_,
-            [&context](const ros::Publisher& publisher, MapUpdate msg) { context.publish(publisher, std::move(msg)); }),
+            [&context](const ros::Publisher& publisher, MapUpdate msg) { context.publish(publisher, std::move(msg)); },
+            [this] { reset_layers(); }),
         input_(context, {world_frame_, params.scan_pose.pose_timeout_s,
                          static_cast<std::size_t>(params.nodelet.queue_size), params.max_pose_age_s}) {
     order_.trust();  // segmentation has judged them
@@ -75,6 +79,16 @@ class SemanticMapStage {
   }
 
  private:
+  /// Stages that map objects and targets would tell of those that are out of sight again.
+  void reset_layers() {
+    for (const auto& [is_mapped, stage] : {std::pair(kinds_.objects, "mapping"), {kinds_.targets, "grid_mapping"}}) {
+      if (!is_mapped) continue;
+      std_srvs::Trigger reset;
+      const std::string service = context_.node().resolveName(stage + std::string("/reset"));
+      if (!ros::service::call(service, reset)) throw std::runtime_error(service + " is not available");
+    }
+  }
+
   /// Does not throw.
   void take(const TargetArray& msg) {
     try {

@@ -1,15 +1,20 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// downlink/objects of a robot on another host -> ground/objects, ground/object_markers for the nodes on this host
+// downlink/semantic_map of a robot on another host -> ground/semantic_map/updates, ground/semantic_map_markers for the
+// nodes on this host
 #include <algorithm>
 #include <chrono>
+#include <exception>
 #include <string>
 
 #include <ros/callback_queue.h>
 #include <ros/ros.h>
+#include <visualization_msgs/MarkerArray.h>
 #include <boost/asio/ip/tcp.hpp>
 
-#include "situation_awareness/ros/convert/objects.hpp"
-#include "situation_awareness/ros/markers/object_markers.hpp"
+#include "situation_awareness/MapUpdate.h"
+#include "situation_awareness/map/map_replica.hpp"
+#include "situation_awareness/ros/convert/map.hpp"
+#include "situation_awareness/ros/markers/map_markers.hpp"
 
 namespace situation_awareness {
 namespace {
@@ -19,13 +24,13 @@ constexpr std::chrono::seconds kAnswerTime(1);
 constexpr int kDatagramBytes = 1400;  ///< with all headers less than the Ethernet MTU
 
 /// UDP, because after a broken link the next datagram arrives at once: TCP waits for its next retransmission, which may
-/// take as long as the link was down, and then delivers outdated messages. Markers are made here, so that they need no
-/// link and no deletion of a marker is lost.
+/// take as long as the link was down, and then delivers outdated messages. An update that is lost is mended by the next
+/// whole map. Markers are made here, so that they need no link and no deletion of a marker is lost.
 class GroundMap {
  public:
   explicit GroundMap(const ros::NodeHandle& node) : node_(node) {
-    map_ = node_.advertise<MappedObjectArray>("ground/objects", 1);
-    markers_ = node_.advertise<visualization_msgs::MarkerArray>("ground/object_markers", 5);
+    updates_ = node_.advertise<MapUpdate>("ground/semantic_map/updates", 20);
+    markers_ = node_.advertise<visualization_msgs::MarkerArray>("ground/semantic_map_markers", 5);
     subscribe();
   }
 
@@ -48,31 +53,32 @@ class GroundMap {
   bool is_published() const {
     ros::master::V_TopicInfo topics;
     return ros::master::getTopics(topics) && std::any_of(topics.begin(), topics.end(), [this](const auto& topic) {
-             return topic.name == node_.resolveName("downlink/objects");
+             return topic.name == node_.resolveName("downlink/semantic_map");
            });
   }
 
   void subscribe() {
-    subscriber_ = node_.subscribe("downlink/objects", 1, &GroundMap::on_map, this,
+    subscriber_ = node_.subscribe("downlink/semantic_map", 5, &GroundMap::on_update, this,
                                   ros::TransportHints().unreliable().maxDatagramSize(kDatagramBytes));
   }
 
-  void on_map(const MappedObjectArrayConstPtr& msg) {
+  void on_update(const MapUpdateConstPtr& msg) {
     alive_at_ = ros::SteadyTime::now();
-    map_.publish(msg);
-    if (markers_.getNumSubscribers() == 0) return;
+    updates_.publish(msg);
     try {
-      markers_.publish(draw_.update(objects_from_msg(*msg), msg->header.frame_id));
+      if (replica_.apply(map_delta_from_msg(*msg)) != MapReplica::Verdict::kTaken) return;
+      if (markers_.getNumSubscribers() > 0) markers_.publish(draw_.update(replica_.map(), msg->header.frame_id));
     } catch (const std::exception& error) {
       ROS_WARN_STREAM_THROTTLE(5.0, ros::this_node::getName() << ": invalid map: " << error.what());
     }
   }
 
   ros::NodeHandle node_;
-  ros::Publisher map_, markers_;
+  ros::Publisher updates_, markers_;
   ros::Subscriber subscriber_;
   ros::SteadyTime alive_at_ = ros::SteadyTime::now();
-  ObjectMarkers draw_;
+  MapReplica replica_;
+  MapMarkers draw_;
 };
 
 }  // namespace

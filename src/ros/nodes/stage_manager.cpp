@@ -37,7 +37,7 @@ static_assert(kIdle_s > 2.0 * MasterWatch::kPeriod_s);
 ///
 /// Registers the stages at a restarted master that does not know them. As long as input arrives over existing
 /// connections, the process is not ended: in flight the map is more important than new subscribers. When input has
-/// stopped, because its sources were restarted as well, the process ends, and `respawn` (launch/objects.launch) starts
+/// stopped, because its sources were restarted as well, the process ends, and `respawn` (launch/map.launch) starts
 /// it at the new master.
 class StageManager {
  public:

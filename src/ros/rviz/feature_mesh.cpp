@@ -10,7 +10,6 @@
 
 #include "situation_awareness/geometry/angles.hpp"
 #include "situation_awareness/geometry/ellipse.hpp"
-#include "situation_awareness/ros/markers/object_shapes.hpp"
 #include "situation_awareness/ros/markers/polygon_markers.hpp"
 #include "situation_awareness/ros/rviz/polygon_mesh.hpp"
 
@@ -110,10 +109,7 @@ DrawableMap drawable_map(const Map& map) {
   for (const Feature& feature : map.features) check_drawable(feature);
   MapLayers layers = layers_of(map);
   DrawableMap result;
-  result.objects.objects = std::move(layers.objects);
-  for (const Object& object : result.objects.objects.objects) {
-    result.objects.names.push_back(label_text(object.id, "") + class_text(object));
-  }
+  result.objects = std::move(layers.objects);
   result.polygons = std::move(layers.polygons);
   result.boundaries.stamp_ns = layers.boundaries.stamp_ns;
   result.boundaries.height_world_m = layers.boundaries.height_world_m;
@@ -125,7 +121,7 @@ DrawableMap drawable_map(const Map& map) {
 }
 
 std::size_t size_of(const DrawableMap& map) {
-  return map.objects.names.size() + map.polygons.chains.size() + map.boundaries.chains.size() +
+  return map.objects.objects.size() + map.polygons.chains.size() + map.boundaries.chains.size() +
          map.targets.targets.size();
 }
 
@@ -146,10 +142,10 @@ void draw(const DrawableMap& map, const MapHistory& history, const FeatureStyle&
     fill(chain, map.polygons.height_world_m + 0.5 * style.body_height_m, {color, static_cast<float>(style.alpha)},
          mesh);
   }
-  add(map.objects.objects, history, style, mesh);
+  add(map.objects, history, style, mesh);
 }
 
-std::vector<MapPosition> positions_of(const DrawableMap& map) { return positions_of(map.objects.objects); }
+std::vector<MapPosition> positions_of(const DrawableMap& map) { return positions_of(map.objects); }
 
 std::vector<MapLabel> labels_of(const DrawableMap& map, const MapStyle& style) {
   std::vector<MapLabel> labels = labels_of(map.objects, style);
@@ -158,7 +154,7 @@ std::vector<MapLabel> labels_of(const DrawableMap& map, const MapStyle& style) {
     labels.insert(labels.end(), of_lines.begin(), of_lines.end());
   }
   for (const GridTarget& target : map.targets.targets) {
-    labels.push_back({label_text(target.id, ""), (target.p_world_m + Eigen::Vector3d(0.0, 0.0, 0.5)).cast<float>()});
+    labels.push_back({std::to_string(target.id), (target.p_world_m + Eigen::Vector3d(0.0, 0.0, 0.5)).cast<float>()});
   }
   return labels;
 }

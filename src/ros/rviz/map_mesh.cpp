@@ -9,8 +9,6 @@
 namespace situation_awareness {
 namespace {
 
-constexpr std::size_t kMaxLabelLength = 32;
-
 std::uint32_t add(Mesh& mesh, const Eigen::Vector2d& p_m, double z_m, const Paint& paint) {
   mesh.vertices.push_back({Eigen::Vector3d(p_m.x(), p_m.y(), z_m).cast<float>(), paint.color, paint.alpha});
   return static_cast<std::uint32_t>(mesh.vertices.size() - 1);
@@ -33,15 +31,6 @@ void clear(MapMesh& mesh) {
     part->vertices.clear();
     part->indices.clear();
   }
-}
-
-std::string label_text(std::uint64_t id, const std::string& label) {
-  std::string text = std::to_string(id);
-  if (label.empty()) return text;
-  std::string printable = label.substr(0, kMaxLabelLength);
-  std::replace_if(
-      printable.begin(), printable.end(), [](char c) { return c < ' ' || c > '~'; }, '?');
-  return text + ' ' + printable;
 }
 
 Color shaded(const Color& color, double factor) {

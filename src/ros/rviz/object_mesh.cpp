@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <string>
 
 #include <Eigen/Geometry>
 
@@ -96,23 +97,17 @@ Color color_of(const Object& object, ObjectStyle::Coloring coloring) {
   return object.p_moving > 0.5 ? kMovingColor : kStandingColor;
 }
 
-void draw(const Objects& map, const MapHistory& history, const ObjectStyle& style, MapMesh& mesh) {
-  clear(mesh);
-  add(map, history, style, mesh);
-}
-
 void add(const Objects& map, const MapHistory& history, const ObjectStyle& style, MapMesh& mesh) {
   if (map.objects.empty()) return;
-  const auto coloring = static_cast<ObjectStyle::Coloring>(style.coloring);
   const std::size_t sides = std::clamp(kSidesOfAll / map.objects.size(), kMinSides, kMaxSides);
   const double top = top_m(map, style);
   const double bottom = top - style.body_height_m;
   for (const Object& object : map.objects) {
     add_trail(mesh.translucent, history.path(object.id), map.stamp_ns, style.history_s, bottom - kLayer_m,
-              shaded(color_of(object, coloring), 0.8));
+              shaded(color_of(object, style.coloring), 0.8));
   }
   for (const Object& object : map.objects) {
-    const Color color = color_of(object, coloring);
+    const Color color = color_of(object, style.coloring);
     const Paint body{color, static_cast<float>(style.alpha * object.p_exists)};
     const Polyline outline = outline_of(object, sides);
     const Polyline outer = outline_of(object, sides, kLineWidth_m);
@@ -143,16 +138,17 @@ std::vector<MapPosition> positions_of(const Objects& map) {
   return positions;
 }
 
-std::vector<MapLabel> labels_of(const DrawableObjects& map, const MapStyle& style) {
+std::vector<MapLabel> labels_of(const Objects& map, const MapStyle& style) {
   std::vector<MapLabel> labels;
-  labels.reserve(map.names.size());
-  const double z_m = top_m(map.objects, style) + 0.2;
-  for (std::size_t i = 0; i < map.names.size(); ++i) {
-    const Ellipse& ellipse = map.objects.objects[i].ellipse_world;
+  labels.reserve(map.objects.size());
+  const double z_m = top_m(map, style) + 0.2;
+  for (const Object& object : map.objects) {
+    const Ellipse& ellipse = object.ellipse_world;
     const double aside_m =
         ellipse.ry_m < 0.6 * style.text_size_m ? -half_width_m(ellipse, {0.0, 1.0}) - style.text_size_m : 0.0;
     const Eigen::Vector2d place_m = ellipse.center_m + Eigen::Vector2d(0.0, aside_m);
-    labels.push_back({map.names[i], Eigen::Vector3d(place_m.x(), place_m.y(), z_m).cast<float>()});
+    labels.push_back(
+        {std::to_string(object.id) + class_text(object), Eigen::Vector3d(place_m.x(), place_m.y(), z_m).cast<float>()});
   }
   return labels;
 }

@@ -2,6 +2,7 @@
 #include "situation_awareness/ros/rviz/polygon_mesh.hpp"
 
 #include <cstddef>
+#include <string>
 
 #include "situation_awareness/ros/markers/polygon_markers.hpp"
 
@@ -52,7 +53,7 @@ std::vector<MapLabel> labels_of(const Polygons& map, const MapStyle& style) {
     const Eigen::Vector2d free_side = Eigen::Vector2d(-way_m.y(), way_m.x()).stableNormalized();
     const Eigen::Vector2d place_m = from_m + 0.5 * way_m + 0.6 * style.text_size_m * free_side;
     labels.push_back(
-        {label_text(chain.id, ""), Eigen::Vector3d(place_m.x(), place_m.y(), top_of(map, style) + 0.2).cast<float>()});
+        {std::to_string(chain.id), Eigen::Vector3d(place_m.x(), place_m.y(), top_of(map, style) + 0.2).cast<float>()});
   }
   return labels;
 }

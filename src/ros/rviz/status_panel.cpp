@@ -31,11 +31,7 @@ namespace {
 
 constexpr int kSpinPeriod_ms = 50;
 constexpr int kShowPeriod_ms = 500;
-/// The one map, whatever stage keeps it. The map of objects has services of the same fields, and so of the same
-/// checksum.
-constexpr const char* kOneMap = "semantic_map";
-
-const char* const kMapFiles = "Maps (*.json *.yaml);;All files (*)";
+const char* const kMapFiles = "Maps (*.json);;All files (*)";
 
 enum StageColumn { kStage, kState, kRate, kLatency };
 
@@ -86,8 +82,8 @@ StatusPanel::StatusPanel(QWidget* parent) : rviz::Panel(parent) {
 
   auto* header = new QFormLayout;
   namespace_field_ = add_field(*header, "namespace", "Namespace", "", "that of rviz; or /robot1");
-  stages_field_ = add_field(*header, "stage_names", "Stages", "segmentation detection mapping", "along the data path");
-  map_field_ = add_field(*header, "map", "Map", "objects", "objects, of the last stage; or semantic_map");
+  stages_field_ =
+      add_field(*header, "stage_names", "Stages", "segmentation detection mapping semantic_map", "along the data path");
 
   answer_ = new QLabel;
   answer_->setObjectName("answer");
@@ -174,12 +170,6 @@ QWidget* StatusPanel::make_buttons() {
   return part;
 }
 
-bool StatusPanel::shows_one_map() const { return map_field_->text().trimmed() == kOneMap; }
-
-std::string StatusPanel::kind_of_map() const {
-  return shows_one_map() ? "map" : map_field_->text().trimmed().toStdString();
-}
-
 void StatusPanel::enable_buttons() {
   const bool idle = !caller_.busy();
   for (QPushButton* button : {reset_, pause_, save_, load_}) button->setEnabled(idle);
@@ -214,8 +204,8 @@ void StatusPanel::save(rviz::Config config) const {
   for (const auto& [key, field] : fields()) config.mapSetValue(key, field->text());
 }
 
-std::array<std::pair<const char*, QLineEdit*>, 3> StatusPanel::fields() const {
-  return {{{"Namespace", namespace_field_}, {"Stages", stages_field_}, {"Map", map_field_}}};
+std::array<std::pair<const char*, QLineEdit*>, 2> StatusPanel::fields() const {
+  return {{{"Namespace", namespace_field_}, {"Stages", stages_field_}}};
 }
 
 void StatusPanel::connect_to_stages() {
@@ -327,8 +317,7 @@ template <class Service>
 void StatusPanel::call_map(const std::string& service, const typename Service::Request& request,
                            std::function<void()> succeeded) {
   if (shown_stages_.empty()) return;  // the error in the fields is shown
-  const std::string keeper = shows_one_map() ? kOneMap : shown_stages_.back().toStdString();
-  const std::string name = keeper + '/' + service;
+  const std::string name = "semantic_map/" + service;
   show_answer(true, QString::fromStdString(name) + " …");
   caller_.call<Service>(node_, name, request,
                         [this, name, succeeded](const typename Service::Response* response, const QString& error) {
@@ -352,15 +341,14 @@ void StatusPanel::toggle_pause() {
 }
 
 void StatusPanel::save_map() {
-  const QString suffix = shows_one_map() ? "json" : "yaml";
-  QFileDialog dialog(this, "Save the map on the host of the node", "map." + suffix, kMapFiles);
+  QFileDialog dialog(this, "Save the map on the host of the node", "map.json", kMapFiles);
   dialog.setAcceptMode(QFileDialog::AcceptSave);
-  dialog.setDefaultSuffix(suffix);
+  dialog.setDefaultSuffix("json");
   dialog.setOption(QFileDialog::DontUseNativeDialog);
   if (dialog.exec() != QDialog::Accepted) return;
   SaveMap::Request request;
   request.file = dialog.selectedFiles().front().toStdString();
-  call_map<SaveMap>("save_" + kind_of_map(), request);
+  call_map<SaveMap>("save_map", request);
 }
 
 void StatusPanel::load_map() {
@@ -371,7 +359,7 @@ void StatusPanel::load_map() {
   if (dialog.exec() != QDialog::Accepted) return;
   LoadMap::Request request;
   request.file = dialog.selectedFiles().front().toStdString();
-  call_map<LoadMap>("load_" + kind_of_map(), request);
+  call_map<LoadMap>("load_map", request);
 }
 
 }  // namespace situation_awareness

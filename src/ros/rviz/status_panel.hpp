@@ -32,10 +32,9 @@ class QTreeWidget;
 
 namespace situation_awareness {
 
-/// Status of the stages, buttons for the services of the map, and the live parameters. Stages and map are given by
-/// fields that are saved with rviz's configuration; the last stage keeps the map, unless it is semantic_map, whose
-/// services have its name. It does not block: callbacks of ROS run from a timer in the GUI's thread, services in
-/// another thread.
+/// Status of the stages, buttons for the services of the one map, and the live parameters. The stages are given by a
+/// field that is saved with rviz's configuration; the last one keeps the map. It does not block: callbacks of ROS run
+/// from a timer in the GUI's thread, services in another thread.
 class StatusPanel : public rviz::Panel {
   Q_OBJECT
 
@@ -54,7 +53,7 @@ class StatusPanel : public rviz::Panel {
   QLineEdit* add_field(QFormLayout& form, const char* name, const char* label, const char* text, const char* hint);
 
   /// The saved fields, by their names in rviz's configuration.
-  std::array<std::pair<const char*, QLineEdit*>, 3> fields() const;
+  std::array<std::pair<const char*, QLineEdit*>, 2> fields() const;
 
   /// Applies the fields.
   void connect_to_stages();
@@ -67,8 +66,6 @@ class StatusPanel : public rviz::Panel {
   void show_values(const StageStatus& stage);
   void show_pause(const StageStatus& mapping);
   void show_answer(bool good, const QString& text);
-  bool shows_one_map() const;
-  std::string kind_of_map() const;
   void enable_buttons();
 
   void reset_map();
@@ -76,7 +73,7 @@ class StatusPanel : public rviz::Panel {
   void save_map();
   void load_map();
 
-  /// A service of the map: of semantic_map if that is shown, else of the last stage.
+  /// A service of the map: its name begins with semantic_map, whichever stage keeps it.
   template <class Service>
   void call_map(const std::string& service, const typename Service::Request& request,
                 std::function<void()> succeeded = {});
@@ -93,7 +90,6 @@ class StatusPanel : public rviz::Panel {
 
   QLineEdit* namespace_field_;
   QLineEdit* stages_field_;
-  QLineEdit* map_field_;
   QTreeWidget* stages_;
   QTreeWidget* values_;
   QPushButton *reset_, *pause_, *save_, *load_;

@@ -329,7 +329,7 @@ std::string viewers(Feed& feed) {
   ros::NodeHandle node(feed.node());
   node.setCallbackQueue(&queue);
   const ros::Subscriber marker_viewer = node.subscribe<visualization_msgs::MarkerArray>(
-      "object_markers", 1, [&markers](const visualization_msgs::MarkerArrayConstPtr&) { ++markers; });
+      "semantic_map_markers", 1, [&markers](const visualization_msgs::MarkerArrayConstPtr&) { ++markers; });
   const ros::Subscriber cloud_viewer = node.subscribe<sensor_msgs::PointCloud2>(
       "hit_labels", 1, [&clouds](const sensor_msgs::PointCloud2ConstPtr&) { ++clouds; });
   for (int i = 0; i < 200 && (markers == 0 || clouds == 0); ++i) {
@@ -454,7 +454,7 @@ std::vector<Fault> all_faults() {
        alive(many_objects)},
       {"inconsistent messages", "inconsistent segments, a detection with NaN, a map in another frame", kDropped,
        Ids::kKept, false, alive(foreign_messages)},
-      {"subscribers come and go", "subscribers of object_markers and hit_labels", kMapped, Ids::kKept, false,
+      {"subscribers come and go", "subscribers of semantic_map_markers and hit_labels", kMapped, Ids::kKept, false,
        alive(viewers)},
       {"manager killed", "SIGKILL", "respawn restarts all, with a new map", Ids::kRestart, true, end_manager(SIGKILL)},
       {"manager terminated", "SIGTERM", "respawn restarts all, with a new map", Ids::kRestart, true,

@@ -24,7 +24,7 @@
 
 namespace situation_awareness {
 
-constexpr const char* kManager = "objects_manager";
+constexpr const char* kManager = "map_manager";
 constexpr std::array<const char*, 3> kStages = {"segmentation", "detection", "mapping"};
 constexpr const char* kWorldFrame = "world";
 constexpr const char* kLidarFrame = "lidar";

@@ -1,18 +1,17 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // The display as loaded by rviz, drawing into an invisible window: content of the picture, by position.
 #include <cmath>
-#include <functional>
-#include <limits>
+#include <cstddef>
+#include <cstdint>
+#include <string>
 #include <vector>
 
 #include "display_fixture.hpp"
 #include "situation_awareness/MapUpdate.h"
-#include "situation_awareness/MappedObjectArray.h"
 #include "situation_awareness/geometry/angles.hpp"
 #include "situation_awareness/geometry/ellipse.hpp"
 #include "situation_awareness/map/map.hpp"
 #include "situation_awareness/ros/convert/map.hpp"
-#include "situation_awareness/ros/convert/objects.hpp"
 #include "situation_awareness/ros/markers/colors.hpp"
 
 namespace situation_awareness {
@@ -22,35 +21,64 @@ class DisplayTest : public DisplayFixture {
  protected:
   void SetUp() override {
     DisplayFixture::SetUp();
-    connect(manager_->createDisplay("situation_awareness/ObjectMap", "Map", true),
-            node_.advertise<MappedObjectArray>("objects", 10));
-    display_->subProp("Covariance")->setValue(false);
+    connect(manager_->createDisplay("situation_awareness/SemanticMap", "Map", true),
+            node_.advertise<MapUpdate>("semantic_map/updates", 10));
+    display_->subProp("Uncertainty")->setValue(false);
+    display_->subProp("Color")->setValue("id");
   }
 
-  static MappedObject element(std::uint64_t id, const Ellipse& ellipse, const Eigen::Vector2d& velocity_m_s = {0, 0}) {
-    Object object;
-    object.id = id;
-    object.ellipse_world = ellipse;
-    object.velocity_world_m_s = velocity_m_s;
-    object.covariance = 1e-6 * Matrix8d::Identity();
-    Objects map;
-    map.objects = {object};
-    return objects_to_msg(map, "world").objects.front();
+  static Feature feature(FeatureId id, const FeatureShape& shape) {
+    Feature feature;
+    feature.id = id;
+    feature.shape = shape;
+    return feature;
   }
 
-  void publish(double stamp_s, const std::vector<MappedObject>& elements, const std::string& frame = "world") {
-    MappedObjectArray msg;
-    msg.header.stamp = ros::Time(stamp_s);
-    msg.header.frame_id = frame;
-    msg.objects = elements;
-    for (MappedObject& element : msg.objects) element.last_seen = msg.header.stamp;
-    maps_.publish(msg);
+  static Feature body(FeatureId id, const Ellipse& ellipse_world, const Eigen::Vector2d& velocity_world_m_s = {0, 0}) {
+    EllipseShape shape{ellipse_world, {}};
+    shape.body.velocity_world_m_s = velocity_world_m_s;
+    shape.body.covariance = 1e-6 * Matrix8d::Identity();
+    return feature(id, shape);
   }
+
+  void publish(const MapDelta& delta, const std::string& frame = "world") {
+    maps_.publish(map_delta_to_msg(delta, "9b2c", frame));
+  }
+
+  MapDelta delta(std::uint64_t base, const std::vector<Feature>& changed, const std::vector<Gone>& gone = {}) {
+    MapDelta delta;
+    delta.stamp_ns = stamp_ns_ += 100'000'000;
+    delta.base = base;
+    delta.version = base + 1;
+    delta.full = base == 0;
+    delta.changed = changed;
+    delta.gone = gone;
+    return delta;
+  }
+
+  /// A later version of the map, which has this alone.
+  MapDelta whole(const Feature& feature) { return whole(std::vector<Feature>{feature}); }
+  MapDelta whole(const std::vector<Feature>& features) {
+    MapDelta result = delta(0, features);
+    for (Feature& feature : result.changed) feature.last_seen_ns = result.stamp_ns;
+    result.version = static_cast<std::uint64_t>(stamp_ns_);
+    return result;
+  }
+
+  /// Of the line on top of a wall.
+  static Color line_color(std::uint64_t id) {
+    const Color body = color_of(id);
+    return {0.8F * body.r, 0.8F * body.g, 0.8F * body.b};
+  }
+
+  Color color(const Eigen::Vector2d& p_m) const { return color_at(picture(), p_m); }
+
+  std::int64_t stamp_ns_ = 10'000'000'000;
 };
 
 TEST_F(DisplayTest, DrawsTheEllipseWhereItIsUntilTheMapIsEmpty) {
   const Ellipse ellipse{{1.5, -0.75}, 0.5, 0.9, 0.4};
-  publish(10.0, {element(5, ellipse)});
+  publish(whole(body(5, ellipse)));
   ASSERT_TRUE(until([this] { return status() == "1 elements"; })) << status().toStdString();
   Ogre::Image image = picture();
   const Blob blob = blob_of(image, color_of(std::uint64_t{5}));
@@ -61,13 +89,13 @@ TEST_F(DisplayTest, DrawsTheEllipseWhereItIsUntilTheMapIsEmpty) {
   EXPECT_TRUE(alike(color_at(image, ellipse.center_m + 0.8 * major), color_of(std::uint64_t{5})));
   EXPECT_FALSE(alike(color_at(image, ellipse.center_m + 0.8 * minor), color_of(std::uint64_t{5})));
 
-  publish(10.1, {});
+  publish(whole(std::vector<Feature>{}));
   ASSERT_TRUE(until([this] { return status() == "0 elements"; }));
   EXPECT_EQ(blob_of(picture(), color_of(std::uint64_t{5})).area_m2, 0.0);
 }
 
 TEST_F(DisplayTest, FollowsTheTransformOfTheMapsFrame) {
-  publish(10.0, {element(5, {{0.0, 0.0}, 0.0, 0.5, 0.5})}, "odom");
+  publish(whole(body(5, {{0.0, 0.0}, 0.0, 0.5, 0.5})), "odom");
   ASSERT_TRUE(until([this] { return status() == "1 elements"; })) << status().toStdString();
   const Blob blob = blob_of(picture(), color_of(std::uint64_t{5}));
   EXPECT_NEAR(blob.center_m.x(), 0.0, 0.03);
@@ -76,7 +104,7 @@ TEST_F(DisplayTest, FollowsTheTransformOfTheMapsFrame) {
 
 TEST_F(DisplayTest, ShowsThePathUntilItIsReset) {
   for (int i = 0; i <= 20; ++i) {
-    publish(10.0 + 0.1 * i, {element(5, {{-2.0 + 0.2 * i, 0.5}, 0.0, 0.3, 0.3})});
+    publish(whole(body(5, {{-2.0 + 0.2 * i, 0.5}, 0.0, 0.3, 0.3})));
     QTest::qWait(20);
   }
   ASSERT_TRUE(until([this] { return status() == "1 elements"; }));
@@ -96,12 +124,11 @@ TEST_F(DisplayTest, ShowsThePathUntilItIsReset) {
   for (const double x_m : {2.0, 1.0, -0.5}) EXPECT_TRUE(alike(color_at(image, {x_m, 0.5}), background)) << x_m;
 }
 
-TEST_F(DisplayTest, ShowsMovingAndStandingElements) {
+TEST_F(DisplayTest, ShowsMovingAndStandingBodies) {
   display_->subProp("Color")->setValue("standing or moving");
-  std::vector<MappedObject> elements{element(1, {{-1.0, 0.0}, 0.0, 0.4, 0.4}),
-                                     element(2, {{1.0, 0.0}, 0.0, 0.4, 0.4}, {0.0, 1.5})};
-  elements[1].p_moving = 0.95;
-  publish(10.0, elements);
+  std::vector<Feature> bodies{body(1, {{-1.0, 0.0}, 0.0, 0.4, 0.4}), body(2, {{1.0, 0.0}, 0.0, 0.4, 0.4}, {0.0, 1.5})};
+  bodies[1].p_moving = 0.95;
+  publish(whole(bodies));
   ASSERT_TRUE(until([this] { return status() == "2 elements"; }));
   Ogre::Image image = picture();
   EXPECT_TRUE(alike(color_at(image, {-1.0, 0.0}), kStandingColor));
@@ -113,44 +140,20 @@ TEST_F(DisplayTest, ShowsMovingAndStandingElements) {
   EXPECT_TRUE(alike(color_at(picture(), {1.0, 1.0}), background));
 }
 
-TEST_F(DisplayTest, RefusesInvalidMapsAndContinues) {
-  const Ellipse ellipse{{0.0, 0.0}, 0.0, 0.5, 0.5};
-  publish(10.0, {element(5, ellipse)});
-  ASSERT_TRUE(until([this] { return status() == "1 elements"; }));
-  const double nan = std::numeric_limits<double>::quiet_NaN();
-  const std::vector<std::function<void(MappedObject&)>> faults{[&](MappedObject& e) { e.pose.position.x = nan; },
-                                                               [&](MappedObject& e) { e.covariance[0] = nan; },
-                                                               [&](MappedObject& e) { e.twist.linear.x = nan; },
-                                                               [](MappedObject& e) { e.pose.orientation.w = 0.0; },
-                                                               [](MappedObject& e) { e.rx = 1e12; },
-                                                               [](MappedObject& e) { e.pose.position.y = 1e300; }};
-  double stamp_s = 10.0;
-  for (const auto& spoil : faults) {
-    MappedObject bad = element(6, {{2.0, 0.0}, 0.0, 0.5, 0.5});
-    spoil(bad);
-    publish(stamp_s += 0.1, {element(5, ellipse), bad});
-    ASSERT_TRUE(until([this] { return status().startsWith("not drawn: element 6: "); })) << status().toStdString();
-    publish(stamp_s += 0.1, {element(5, ellipse), element(6, {{2.0, 0.0}, 0.0, 0.5, 0.5})});
-    ASSERT_TRUE(until([this] { return status() == "2 elements"; })) << status().toStdString();
-  }
-  EXPECT_TRUE(alike(color_at(picture(), {2.0, 0.0}), color_of(std::uint64_t{6})));
-}
-
 TEST_F(DisplayTest, DrawsAndRemovesHundreds) {
   display_->subProp("IDs")->setValue(true);
-  display_->subProp("Covariance")->setValue(true);
+  display_->subProp("Uncertainty")->setValue(true);
   for (int frame = 0; frame < 20; ++frame) {
-    std::vector<MappedObject> elements;
+    std::vector<Feature> bodies;
     for (int i = 0; i < (frame % 2 == 0 ? 500 : 250); ++i) {
-      elements.push_back(
-          element(static_cast<std::uint64_t>(i), {{0.5 * (i % 25) - 6.0, 0.5 * (i / 25) - 5.0}, 0.1, 0.2, 0.1}));
-      elements.back().label = std::string(static_cast<std::size_t>(i % 40), 'x');
+      bodies.push_back(
+          body(static_cast<FeatureId>(i + 1), {{0.5 * (i % 25) - 6.0, 0.5 * (i / 25) - 5.0}, 0.1, 0.2, 0.1}));
     }
-    publish(10.0 + 0.05 * frame, elements);
+    publish(whole(bodies));
     QTest::qWait(30);
   }
   ASSERT_TRUE(until([this] { return status() == "250 elements"; }));
-  publish(12.0, {});
+  publish(whole(std::vector<Feature>{}));
   ASSERT_TRUE(until([this] { return status() == "0 elements"; }));
   Ogre::Image image = picture();
   const Color background = color_at(image, {4.5, 3.5});
@@ -164,56 +167,7 @@ TEST_F(DisplayTest, DrawsAndRemovesHundreds) {
   EXPECT_EQ(drawn, 0U);
 }
 
-/// The display of the one map.
-class SemanticMapDisplayTest : public DisplayFixture {
- protected:
-  void SetUp() override {
-    DisplayFixture::SetUp();
-    connect(manager_->createDisplay("situation_awareness/SemanticMap", "Map", true),
-            node_.advertise<MapUpdate>("semantic_map/updates", 10));
-    display_->subProp("Uncertainty")->setValue(false);
-    display_->subProp("Color")->setValue("id");
-  }
-
-  static Feature feature(FeatureId id, const FeatureShape& shape) {
-    Feature feature;
-    feature.id = id;
-    feature.shape = shape;
-    return feature;
-  }
-
-  void publish(const MapDelta& delta) { maps_.publish(map_delta_to_msg(delta, "9b2c", "world")); }
-
-  MapDelta delta(std::uint64_t base, const std::vector<Feature>& changed, const std::vector<Gone>& gone = {}) {
-    MapDelta delta;
-    delta.stamp_ns = stamp_ns_ += 100'000'000;
-    delta.base = base;
-    delta.version = base + 1;
-    delta.full = base == 0;
-    delta.changed = changed;
-    delta.gone = gone;
-    return delta;
-  }
-
-  /// A later version of the map, which has this alone.
-  MapDelta whole(const Feature& feature) {
-    MapDelta result = delta(0, {feature});
-    result.version = static_cast<std::uint64_t>(stamp_ns_);
-    return result;
-  }
-
-  /// Of the line on top of a wall.
-  static Color line_color(std::uint64_t id) {
-    const Color body = color_of(id);
-    return {0.8F * body.r, 0.8F * body.g, 0.8F * body.b};
-  }
-
-  Color color(const Eigen::Vector2d& p_m) const { return color_at(picture(), p_m); }
-
-  std::int64_t stamp_ns_ = 10'000'000'000;
-};
-
-TEST_F(SemanticMapDisplayTest, DrawsEachKindWhereItIsAndFollowsTheUpdates) {
+TEST_F(DisplayTest, DrawsEachKindWhereItIsAndFollowsTheUpdates) {
   const double quarter = std::tan(kPi / 8.0);  // bulge of a quarter of a circle
   const Eigen::Vector2d circle_m(2.5, 1.5);
   std::vector<SplinegonVertex> arcs;
@@ -256,7 +210,7 @@ TEST_F(SemanticMapDisplayTest, DrawsEachKindWhereItIsAndFollowsTheUpdates) {
   EXPECT_TRUE(alike(color({-2.0, 0.0}), color_of(std::uint64_t{1})));
 }
 
-TEST_F(SemanticMapDisplayTest, RefusesWhatARendererCannotTakeAndContinues) {
+TEST_F(DisplayTest, RefusesWhatARendererCannotTakeAndContinues) {
   const Feature wall = feature(3, PolylineShape{{{{-3.0, -2.0}, 0.01}, {{3.0, -2.0}, 0.01}}, false});
   Feature far = wall, vague = wall;
   std::get<PolylineShape>(far.shape).vertices[1].p_world_m.x() = 1e300;

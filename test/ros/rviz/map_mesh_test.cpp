@@ -56,12 +56,5 @@ TEST(MapMesh, CoversFanBandAndWall) {
   for (const Vertex& vertex : wall.vertices) EXPECT_EQ(vertex.alpha, 0.5F);
 }
 
-TEST(MapMesh, LabelsAreShortAndPrintable) {
-  EXPECT_EQ(label_text(7, ""), "7");
-  EXPECT_EQ(label_text(7, "person"), "7 person");
-  EXPECT_EQ(label_text(7, "a\nb\x80"), "7 a?b?");
-  EXPECT_EQ(label_text(7, std::string(100, 'x')).size(), 2U + 32U);
-}
-
 }  // namespace
 }  // namespace situation_awareness::map_mesh_test

@@ -33,7 +33,7 @@ Objects map_of(const std::vector<Object>& objects) {
 
 MapMesh drawn(const Objects& map, const ObjectStyle& style, const MapHistory& history = {}) {
   MapMesh mesh;
-  draw(map, history, style, mesh);
+  add(map, history, style, mesh);
   return mesh;
 }
 

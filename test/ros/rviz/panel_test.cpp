@@ -27,26 +27,25 @@
 #include <std_srvs/Trigger.h>
 
 #include "panel_fixture.hpp"
-#include "situation_awareness/LoadObjects.h"
+#include "situation_awareness/LoadMap.h"
 #include "situation_awareness/SaveMap.h"
-#include "situation_awareness/SaveObjects.h"
 
 namespace situation_awareness {
 namespace {
 
-/// A mock of the mapping nodelet: services, live parameters and status.
-class FakeMapping {
+/// A mock of the nodelet semantic_map: services, live parameters and status.
+class FakeMap {
  public:
-  explicit FakeMapping(const std::string& ns = "") : node_(ns) {
-    services_ = {node_.advertiseService("mapping/reset", &FakeMapping::reset, this),
-                 node_.advertiseService("mapping/pause", &FakeMapping::pause, this),
-                 node_.advertiseService("mapping/save_objects", &FakeMapping::save, this),
-                 node_.advertiseService("mapping/load_objects", &FakeMapping::load, this),
-                 node_.advertiseService("mapping/live/set_parameters", &FakeMapping::set, this)};
+  explicit FakeMap(const std::string& ns = "") : node_(ns) {
+    services_ = {node_.advertiseService("semantic_map/reset", &FakeMap::reset, this),
+                 node_.advertiseService("semantic_map/pause", &FakeMap::pause, this),
+                 node_.advertiseService("semantic_map/save_map", &FakeMap::save, this),
+                 node_.advertiseService("semantic_map/load_map", &FakeMap::load, this),
+                 node_.advertiseService("semantic_map/live/set_parameters", &FakeMap::set, this)};
     diagnostics_ = node_.advertise<diagnostic_msgs::DiagnosticArray>("/diagnostics", 10);
     descriptions_ =
-        node_.advertise<dynamic_reconfigure::ConfigDescription>("mapping/live/parameter_descriptions", 1, true);
-    updates_ = node_.advertise<dynamic_reconfigure::Config>("mapping/live/parameter_updates", 1, true);
+        node_.advertise<dynamic_reconfigure::ConfigDescription>("semantic_map/live/parameter_descriptions", 1, true);
+    updates_ = node_.advertise<dynamic_reconfigure::Config>("semantic_map/live/parameter_updates", 1, true);
     descriptions_.publish(description());
     tell(0.999, 60);
   }
@@ -55,7 +54,7 @@ class FakeMapping {
     diagnostic_msgs::DiagnosticArray msg;
     msg.status.resize(1);
     diagnostic_msgs::DiagnosticStatus& status = msg.status.front();
-    status.name = node_.resolveName("mapping").substr(1) + ": stage";
+    status.name = node_.resolveName("semantic_map").substr(1) + ": stage";
     status.level = level;
     status.message = summary;
     for (const auto& [key, value] : {std::pair<const char*, std::string>{"rate [Hz]", "19.7"},
@@ -130,12 +129,8 @@ class FakeMapping {
     if (response.success) paused_ = request.data != 0;
     return true;
   }
-  bool save(SaveObjectsRequest& request, SaveObjectsResponse& response) {
-    return answer("save " + request.file, response);
-  }
-  bool load(LoadObjectsRequest& request, LoadObjectsResponse& response) {
-    return answer("load " + request.file, response);
-  }
+  bool save(SaveMapRequest& request, SaveMapResponse& response) { return answer("save " + request.file, response); }
+  bool load(LoadMapRequest& request, LoadMapResponse& response) { return answer("load " + request.file, response); }
   bool set(dynamic_reconfigure::ReconfigureRequest& request, dynamic_reconfigure::ReconfigureResponse& response) {
     if (note("set")) {
       for (const auto& parameter : request.config.doubles) values_.doubles[0].value = parameter.value;
@@ -157,62 +152,62 @@ class FakeMapping {
 
 TEST_F(PanelTest, ShowsTheStagesAndMarksSilentOnes) {
   EXPECT_EQ(cell(0, 0), "segmentation");
-  EXPECT_EQ(cell(2, 1), "not there");
-  const FakeMapping mapping;
+  EXPECT_EQ(cell(3, 1), "not there");
+  const FakeMap map;
   QTest::qWait(500);
-  mapping.say(diagnostic_msgs::DiagnosticStatus::OK, "running", "3");
-  ASSERT_TRUE(until([this] { return cell(2, 1) == "running"; }));
-  EXPECT_EQ(cell(2, 2), "19.7");
-  EXPECT_EQ(cell(2, 3), "3.10");
-  mapping.say(diagnostic_msgs::DiagnosticStatus::WARN, "input dropped", "4");
-  ASSERT_TRUE(until([this] { return cell(2, 1) == "input dropped"; }));
+  map.say(diagnostic_msgs::DiagnosticStatus::OK, "running", "3");
+  ASSERT_TRUE(until([this] { return cell(3, 1) == "running"; }));
+  EXPECT_EQ(cell(3, 2), "19.7");
+  EXPECT_EQ(cell(3, 3), "3.10");
+  map.say(diagnostic_msgs::DiagnosticStatus::WARN, "input dropped", "4");
+  ASSERT_TRUE(until([this] { return cell(3, 1) == "input dropped"; }));
   const QTreeWidget& values = part<QTreeWidget>("values");
   ASSERT_EQ(values.topLevelItemCount(), 3);
   EXPECT_EQ(values.topLevelItem(2)->text(0), "dropped: queue full");
   EXPECT_EQ(values.topLevelItem(2)->text(1), "4");
   EXPECT_NE(values.topLevelItem(2)->foreground(1), values.topLevelItem(1)->foreground(1));
-  ASSERT_TRUE(until([this] { return cell(2, 1).rfind("silent for ", 0) == 0; }));
-  mapping.say(diagnostic_msgs::DiagnosticStatus::OK, "running", "4");
-  EXPECT_TRUE(until([this] { return cell(2, 1) == "running"; }));
+  ASSERT_TRUE(until([this] { return cell(3, 1).rfind("silent for ", 0) == 0; }));
+  map.say(diagnostic_msgs::DiagnosticStatus::OK, "running", "4");
+  EXPECT_TRUE(until([this] { return cell(3, 1) == "running"; }));
 }
 
 TEST_F(PanelTest, CallsTheServices) {
-  FakeMapping mapping;
+  FakeMap map;
   QTimer life;
   QObject::connect(&life, &QTimer::timeout,
-                   [&mapping] { mapping.say(diagnostic_msgs::DiagnosticStatus::OK, mapping.summary(), "0"); });
+                   [&map] { map.say(diagnostic_msgs::DiagnosticStatus::OK, map.summary(), "0"); });
   life.start(300);
-  ASSERT_TRUE(until([this] { return cell(2, 1) == "running"; }));
+  ASSERT_TRUE(until([this] { return cell(3, 1) == "running"; }));
   click("reset");
-  ASSERT_TRUE(until([this] { return answer() == "mapping/reset: reset done"; })) << answer();
+  ASSERT_TRUE(until([this] { return answer() == "semantic_map/reset: reset done"; })) << answer();
 
   EXPECT_EQ(part<QPushButton>("pause").text(), "Pause");
   click("pause");
-  ASSERT_TRUE(until([this] { return answer() == "mapping/pause: pause done"; })) << answer();
+  ASSERT_TRUE(until([this] { return answer() == "semantic_map/pause: pause done"; })) << answer();
   EXPECT_EQ(part<QPushButton>("pause").text(), "Go on");
   click("pause");
-  ASSERT_TRUE(until([this] { return answer() == "mapping/pause: go on done"; })) << answer();
+  ASSERT_TRUE(until([this] { return answer() == "semantic_map/pause: go on done"; })) << answer();
   EXPECT_EQ(part<QPushButton>("pause").text(), "Pause");
-  mapping.set_paused(true);  // by another client
+  map.set_paused(true);  // by another client
   ASSERT_TRUE(until([this] { return part<QPushButton>("pause").text() == "Go on"; }));
 
   choose("save", "/tmp/situation_awareness_panel_test_map");
   ASSERT_TRUE(until([this] {
-    return answer() == "mapping/save_objects: save /tmp/situation_awareness_panel_test_map.yaml done";
+    return answer() == "semantic_map/save_map: save /tmp/situation_awareness_panel_test_map.json done";
   })) << answer();
-  mapping.good = false;
-  choose("load", "/tmp/situation_awareness_panel_test_none.yaml");
+  map.good = false;
+  choose("load", "/tmp/situation_awareness_panel_test_none.json");
   ASSERT_TRUE(until([&] {
-    return answer() == "mapping/load_objects: cannot load /tmp/situation_awareness_panel_test_none.yaml";
+    return answer() == "semantic_map/load_map: cannot load /tmp/situation_awareness_panel_test_none.json";
   })) << answer();
 }
 
 TEST_F(PanelTest, DoesNotBlock) {
   click("reset");
-  ASSERT_TRUE(until([this] { return answer() == "mapping/reset is not available"; })) << answer();
+  ASSERT_TRUE(until([this] { return answer() == "semantic_map/reset is not available"; })) << answer();
 
-  FakeMapping mapping;
-  mapping.delay_ms = 1500;
+  FakeMap map;
+  map.delay_ms = 1500;
   click("reset");
   double longest_s = 0.0;
   auto before = std::chrono::steady_clock::now();
@@ -220,25 +215,25 @@ TEST_F(PanelTest, DoesNotBlock) {
     const auto now = std::chrono::steady_clock::now();
     longest_s = std::max(longest_s, std::chrono::duration<double>(now - before).count());
     before = now;
-    return answer() == "mapping/reset: reset done";
+    return answer() == "semantic_map/reset: reset done";
   }));
   EXPECT_LT(longest_s, 0.7) << "the GUI stood still";
 
   // Closing a panel during a call does not wait for the response.
-  mapping.delay_ms = 2500;
+  map.delay_ms = 2500;
   click("reset");
   QTest::qWait(500);
   before = std::chrono::steady_clock::now();
   panel_.reset();
   EXPECT_LT(std::chrono::duration<double>(std::chrono::steady_clock::now() - before).count(), 1.5);
-  ASSERT_TRUE(until([&mapping] { return mapping.asked().size() == 2; })) << "the server itself goes on";
+  ASSERT_TRUE(until([&map] { return map.asked().size() == 2; })) << "the server itself goes on";
 }
 
 TEST_F(PanelTest, SetsLiveParameters) {
-  QWidget& form = part<QWidget>("mapping");
+  QWidget& form = part<QWidget>("semantic_map");
   const auto gate = [&form] { return form.findChild<QDoubleSpinBox*>("gate_probability"); };
   EXPECT_EQ(gate(), nullptr);
-  auto mapping = std::make_unique<FakeMapping>();
+  auto map = std::make_unique<FakeMap>();
   ASSERT_TRUE(until([&] { return gate() != nullptr && gate()->isEnabled(); }));
   ASSERT_TRUE(until([&] { return gate()->value() == 0.999; })) << gate()->value();
   EXPECT_EQ(gate()->text(), "0.999");
@@ -247,32 +242,32 @@ TEST_F(PanelTest, SetsLiveParameters) {
 
   type(gate(), "0.95");
   ASSERT_TRUE(until([this] { return answer() == "gate_probability = 0.95"; })) << answer();
-  EXPECT_EQ(mapping->gate_probability(), 0.95);
+  EXPECT_EQ(map->gate_probability(), 0.95);
 
-  mapping->good = false;
+  map->good = false;
   type(gate(), "0.6");
   ASSERT_TRUE(until([this] { return answer() == "gate_probability = 0.95, not 0.6"; })) << answer();
   EXPECT_EQ(gate()->value(), 0.95);
 
-  mapping->tell(0.75, 10);  // changed by another client
+  map->tell(0.75, 10);  // changed by another client
   ASSERT_TRUE(until([&] { return gate()->value() == 0.75; }));
-  EXPECT_EQ(mapping->asked().size(), 2U) << "what is shown is not set";
+  EXPECT_EQ(map->asked().size(), 2U) << "what is shown is not set";
 
-  mapping.reset();
+  map.reset();
   ASSERT_TRUE(until([&] { return !gate()->isEnabled(); }));
-  mapping = std::make_unique<FakeMapping>();
+  map = std::make_unique<FakeMap>();
   EXPECT_TRUE(until([&] { return gate()->isEnabled() && gate()->value() == 0.999; }));
 }
 
 TEST_F(PanelTest, UsesItsNamespaceAndSavesItInTheConfig) {
-  const FakeMapping other, own("/robot1");
+  const FakeMap other, own("/robot1");
   QLineEdit& field = part<QLineEdit>("namespace");
   QTest::keyClicks(&field, "/robot1");
   QTest::keyClick(&field, Qt::Key_Return);
   QTest::qWait(500);
   other.say(diagnostic_msgs::DiagnosticStatus::ERROR, "another robot's", "0");
   own.say(diagnostic_msgs::DiagnosticStatus::OK, "running", "0");
-  ASSERT_TRUE(until([this] { return cell(2, 1) == "running"; }));
+  ASSERT_TRUE(until([this] { return cell(3, 1) == "running"; }));
   click("reset");
   ASSERT_TRUE(until([&] { return !own.asked().empty(); }));
   EXPECT_TRUE(other.asked().empty());
@@ -282,73 +277,28 @@ TEST_F(PanelTest, UsesItsNamespaceAndSavesItInTheConfig) {
   SetUp();
   panel_->load(config);
   EXPECT_EQ(part<QLineEdit>("namespace").text(), "/robot1");
-  EXPECT_EQ(part<QLineEdit>("stage_names").text(), "segmentation detection mapping");
+  EXPECT_EQ(part<QLineEdit>("stage_names").text(), "segmentation detection mapping semantic_map");
   QTest::keyClicks(&part<QLineEdit>("namespace"), " $");
   QTest::keyClick(&part<QLineEdit>("namespace"), Qt::Key_Return);
   EXPECT_NE(answer(), "") << "no name";
 }
 
-// The services of the one map have its name, whichever stage keeps it.
-TEST_F(PanelTest, CallsTheServicesOfTheOneMap) {
-  std::atomic<int> reset = 0;
-  std::string saved;
-  ros::NodeHandle node;
-  const boost::function<bool(std_srvs::TriggerRequest&, std_srvs::TriggerResponse&)> serve =
-      [&reset](std_srvs::TriggerRequest&, std_srvs::TriggerResponse& response) {
-        response.success = true;
-        response.message = "the map begins anew";
-        ++reset;
-        return true;
-      };
-  const ros::ServiceServer server = node.advertiseService("semantic_map/reset", serve);
-  const boost::function<bool(SaveMapRequest&, SaveMapResponse&)> save = [&saved](SaveMapRequest& request,
-                                                                                 SaveMapResponse& response) {
-    response.success = true;
-    response.message = "saved";
-    saved = request.file;
-    return true;
-  };
-  const ros::ServiceServer save_server = node.advertiseService("semantic_map/save_map", save);
+TEST_F(PanelTest, ShowsTheStagesThatItIsGiven) {
+  const FakeMap map;
   rviz::Config config;
-  config.mapSetValue("Stages", "gps_ins inertial_semantic_map");
-  config.mapSetValue("Map", "semantic_map");
-  panel_->load(config);
-  click("reset");
-  ASSERT_TRUE(until([this] { return answer() == "semantic_map/reset: the map begins anew"; })) << answer();
-  EXPECT_EQ(reset, 1);
-  ASSERT_TRUE(until([this] { return part<QPushButton>("save").isEnabled(); }));
-  choose("save", "/tmp/situation_awareness_panel_test_map");
-  ASSERT_TRUE(until([this] { return answer() == "semantic_map/save_map: saved"; })) << answer();
-  EXPECT_EQ(saved, "/tmp/situation_awareness_panel_test_map.json");
-}
-
-TEST_F(PanelTest, ShowsTheStagesOfAnotherMap) {
-  const FakeMapping mapping;
-  std::atomic<int> saved = 0;
-  ros::NodeHandle node;
-  const boost::function<bool(SaveObjectsRequest&, SaveObjectsResponse&)> save =
-      [&saved](SaveObjectsRequest&, SaveObjectsResponse& response) {
-        response.success = true;
-        ++saved;
-        return true;
-      };
-  const ros::ServiceServer server = node.advertiseService("polygons/save_polygons", save);
-  rviz::Config config;
-  config.mapSetValue("Stages", "mapping polygons");
-  config.mapSetValue("Map", "polygons");
+  config.mapSetValue("Stages", "semantic_map gps_ins");
   panel_->load(config);
   EXPECT_EQ(part<QTreeWidget>("stages").topLevelItemCount(), 2);
-  EXPECT_EQ(cell(0, 0), "mapping");
-  EXPECT_EQ(cell(1, 0), "polygons");
+  EXPECT_EQ(cell(0, 0), "semantic_map");
+  EXPECT_EQ(cell(1, 0), "gps_ins");
   EXPECT_EQ(panel_->findChild<QWidget*>("segmentation"), nullptr) << "live parameters of what is not there";
-  EXPECT_NE(panel_->findChild<QWidget*>("polygons"), nullptr);
+  EXPECT_NE(panel_->findChild<QWidget*>("gps_ins"), nullptr);
   QTest::qWait(500);
-  mapping.say(diagnostic_msgs::DiagnosticStatus::OK, "running", "0");
+  map.say(diagnostic_msgs::DiagnosticStatus::OK, "running", "0");
   ASSERT_TRUE(until([this] { return cell(0, 1) == "running"; }));
   EXPECT_EQ(cell(1, 1), "not there");
-  choose("save", "/tmp/situation_awareness_panel_test_map");
-  ASSERT_TRUE(until([&saved] { return saved == 1; })) << answer();
-  EXPECT_TRUE(mapping.asked().empty());
+  click("reset");
+  ASSERT_TRUE(until([this] { return answer() == "semantic_map/reset: reset done"; })) << "whichever is the last stage";
 
   QLineEdit& field = part<QLineEdit>("stage_names");
   field.selectAll();

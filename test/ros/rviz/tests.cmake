@@ -1,11 +1,11 @@
 # Tests of what rviz loads: its logic, and the plugins themselves without a screen.
-foreach(name drawable_objects knobs map_history map_mesh object_mesh polygon_mesh stage_board)
+foreach(name knobs map_history map_mesh object_mesh polygon_mesh stage_board)
   situation_awareness_ros_gtest(ros_rviz_tests rviz/${name}_test ${PROJECT_NAME}_rviz_logic)
 endforeach()
 
 # rostest finds a program where rosrun does; these are not installed.
 find_package(Qt${qt_major} REQUIRED COMPONENTS Test Widgets)
-foreach(name display kind_display panel panel_live)
+foreach(name display panel panel_live)
   add_executable(rviz_${name}_test rviz/${name}_test.cpp)
   situation_awareness_target(rviz_${name}_test)
   target_compile_options(rviz_${name}_test PRIVATE ${test_options})  # Qt wants -fPIC: no precompiled headers of others
@@ -19,6 +19,3 @@ foreach(name display kind_display panel panel_live)
     rostest ${CMAKE_CURRENT_SOURCE_DIR}/rviz/${name}.test)
   set_tests_properties(ros/rviz/${name}_test PROPERTIES RESOURCE_LOCK display)  # xvfb-run takes a free number, not safely
 endforeach()
-# This one is not loaded, but instantiates the template that displays are made of.
-target_include_directories(rviz_kind_display_test PRIVATE ${PROJECT_SOURCE_DIR}/src/ros/rviz)
-target_link_libraries(rviz_kind_display_test PRIVATE ${PROJECT_NAME}_rviz ${PROJECT_NAME}_rviz_logic)

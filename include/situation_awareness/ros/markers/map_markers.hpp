@@ -10,8 +10,8 @@
 
 namespace situation_awareness {
 
-/// Markers of successive versions of the one map; deletes what is gone. Namespaces: those of ObjectMarkers,
-/// PolygonMarkers (walls are what is fixed, known what stands), SplinegonMarkers and GridMarkers.
+/// Markers of successive versions of the one map; deletes what is gone. Namespaces: those of markers_of() of objects,
+/// polygons (walls are what is fixed, known what stands), boundaries and targets.
 class MapMarkers {
  public:
   /// The markers that update the display to `map`.

@@ -33,7 +33,7 @@ struct NodeletParams {
     visit("queue_size", self.queue_size, Bounds{1, 1000}, "scans",
           "maximum number of scans that wait for their transforms; in a full queue a new scan replaces the newest one");
     visit("downlink_rate_hz", self.downlink_rate_hz, Bounds{0.1, 1000.0}, "Hz",
-          "maximum rate of downlink/objects, in wall time");
+          "maximum rate of downlink/semantic_map, in wall time");
   }
 };
 

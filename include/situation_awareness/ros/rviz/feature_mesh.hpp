@@ -5,7 +5,6 @@
 #include <vector>
 
 #include "situation_awareness/map/map.hpp"
-#include "situation_awareness/ros/rviz/drawable_objects.hpp"
 #include "situation_awareness/ros/rviz/map_history.hpp"
 #include "situation_awareness/ros/rviz/map_mesh.hpp"
 #include "situation_awareness/ros/rviz/object_mesh.hpp"
@@ -14,7 +13,7 @@ namespace situation_awareness {
 
 /// The one map, safe for a renderer: its extents are bounded. Its boundaries are sampled as chains are.
 struct DrawableMap {
-  DrawableObjects objects;
+  Objects objects;
   Polygons polygons, boundaries;
   GridTargets targets;
 };

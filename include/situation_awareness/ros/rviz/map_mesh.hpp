@@ -12,15 +12,14 @@
 
 namespace situation_awareness {
 
-// Meshes and labels for maps of any kind, in the frame of the map, z up.
+// Meshes and labels of a map, in its frame, z up.
 
 constexpr double kLineWidth_m = 0.03;  ///< of outlines
 constexpr double kLayer_m = 0.01;      ///< distance between overlapping layers
 constexpr double kLabelHeight_m = 0.26;
 
-/// Style of a map of any kind.
+/// How features of any kind are drawn.
 struct MapStyle {
-  int coloring = 0;    ///< index of one of the kind's colorings
   double alpha = 0.6;  ///< of the bodies
   double body_height_m = 0.3;
   double history_s = 5.0;
@@ -53,9 +52,6 @@ struct MapLabel {
   std::string text;
   Eigen::Vector3f position_m;
 };
-
-/// "ID" or "ID LABEL"; at most 32 characters of the label, with `?` for characters that are not printable ASCII.
-std::string label_text(std::uint64_t id, const std::string& label);
 
 struct Paint {
   Color color;
