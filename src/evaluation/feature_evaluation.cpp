@@ -70,6 +70,14 @@ bool is_inside(const Eigen::Vector2d& p, const std::vector<Eigen::Vector2d>& out
   return inside;
 }
 
+/// Calls `visit(part, length_m)` for each piece of an edge, none longer than `spacing_m`; `part` of the edge is its
+/// middle.
+template <class Visit>
+void visit_pieces(double edge_m, double spacing_m, const Visit& visit) {
+  const int pieces = std::max(1, static_cast<int>(std::ceil(edge_m / spacing_m)));
+  for (int piece = 0; piece < pieces; ++piece) visit((piece + 0.5) / pieces, edge_m / pieces);
+}
+
 double furthest_m(const std::vector<std::vector<Eigen::Vector2d>>& a, const SceneThing& b) {
   double most_m = 0.0;
   for (std::size_t i = 0; i < a.size(); ++i) {
@@ -112,10 +120,9 @@ void FeatureEvaluation::begin(const Scene& truth) {
       const std::vector<Eigen::Vector2d>& points = thing.outlines[i].points_world_m;
       for (std::size_t k = 0; k < points.size(); ++k) {
         const double edge_m = (points[(k + 1) % points.size()] - points[k]).norm();
-        const int pieces = std::max(1, static_cast<int>(std::ceil(edge_m / params_.spacing_m)));
-        for (int piece = 0; piece < pieces; ++piece) {
-          own.places.push_back({i, k, (piece + 0.5) / pieces, edge_m / pieces});
-        }
+        visit_pieces(edge_m, params_.spacing_m, [&](double part, double length_m) {
+          own.places.push_back({i, k, part, length_m});
+        });
       }
     }
   }
@@ -203,7 +210,7 @@ bool FeatureEvaluation::is_seen(const Thing& thing, const Place& place) const {
   return place.hits >= (is_settled ? params_.seen_hits : 1);
 }
 
-std::vector<FeatureEvaluation::Line> FeatureEvaluation::lines_of(const Map& map, double spacing_m) {
+std::vector<FeatureEvaluation::Line> FeatureEvaluation::lines_of(const MapLayers& layers, double spacing_m) {
   std::vector<Line> lines;
   const auto add = [&lines](FeatureId id, bool is_body, bool closed, std::vector<Eigen::Vector2d> vertices) {
     if (vertices.size() < 2) return;
@@ -217,7 +224,6 @@ std::vector<FeatureEvaluation::Line> FeatureEvaluation::lines_of(const Map& map,
     for (const ChainVertex& vertex : vertices) points.push_back(vertex.p_world_m);
     add(id, false, closed, std::move(points));
   };
-  const MapLayers layers = layers_of(map);
   for (const Object& object : layers.objects.objects) add(object.id, true, true, outline_world(object));
   for (const Chain& chain : layers.polygons.chains) add_chain(chain.id, chain.closed, chain.vertices);
   for (const Splinegon& boundary : layers.boundaries.boundaries) {
@@ -289,6 +295,24 @@ OutlineOnBody FeatureEvaluation::outline_on(const Thing& thing, const std::vecto
   return best;
 }
 
+std::optional<std::size_t> FeatureEvaluation::nearest_thing(const Eigen::Vector2d& p,
+                                                            const std::vector<Outlines>& outlines) const {
+  std::optional<std::size_t> nearest;
+  double least_m = params_.explained_m;
+  for (std::size_t k = 0; k < things_.size(); ++k) {
+    if (!things_[k].is_there || !grown(things_[k].box, least_m).contains(p)) continue;
+    const double apart_m = distance_m(p, outlines[k]);
+    if (apart_m <= least_m) least_m = apart_m, nearest = k;
+  }
+  return nearest;
+}
+
+bool FeatureEvaluation::is_past_place(const Eigen::Vector2d& p) const {
+  return std::any_of(things_.begin(), things_.end(), [&](const Thing& thing) {
+    return thing.is_elsewhere && distance_m(p, thing.last_seen) <= params_.explained_m;
+  });
+}
+
 void FeatureEvaluation::assign(const Scene& truth, const std::vector<Line>& lines) {
   std::vector<bool> is_expected(things_.size());
   for (std::size_t i = 0; i < things_.size(); ++i) {
@@ -310,27 +334,15 @@ void FeatureEvaluation::assign(const Scene& truth, const std::vector<Line>& line
     for (std::size_t i = line.closed ? 0 : 1; i < line.vertices_world_m.size(); ++i) {
       const Eigen::Vector2d& a = line.vertices_world_m[i > 0 ? i - 1 : line.vertices_world_m.size() - 1];
       const Eigen::Vector2d& b = line.vertices_world_m[i];
-      const int pieces = std::max(1, static_cast<int>(std::ceil((b - a).norm() / params_.spacing_m)));
-      for (int piece = 0; piece < pieces; ++piece) {
-        const Eigen::Vector2d p = a + (piece + 0.5) / pieces * (b - a);
-        std::size_t nearest = things_.size();
-        double least_m = params_.explained_m;
-        bool is_past = false;
-        for (std::size_t k = 0; k < things_.size(); ++k) {
-          if (things_[k].is_there && grown(things_[k].box, least_m).contains(p)) {
-            const double apart_m = distance_m(p, outlines[k]);
-            if (apart_m <= least_m) least_m = apart_m, nearest = k;
-          }
-          is_past = is_past || (things_[k].is_elsewhere && distance_m(p, things_[k].last_seen) <= params_.explained_m);
-        }
-        const double piece_m = (b - a).norm() / pieces;
+      visit_pieces((b - a).norm(), params_.spacing_m, [&](double part, double piece_m) {
+        const Eigen::Vector2d p = a + part * (b - a);
         length_m += piece_m;
-        if (nearest < things_.size()) {
-          length_of[nearest] += piece_m;
-        } else if (!is_past) {
+        if (const std::optional<std::size_t> nearest = nearest_thing(p, outlines)) {
+          length_of[*nearest] += piece_m;
+        } else if (!is_past_place(p)) {
           unexplained_m += piece_m;
         }
-      }
+      });
     }
     features_m_ += length_m;
     unexplained_m_ += unexplained_m;
@@ -367,7 +379,8 @@ void FeatureEvaluation::add(const Scene& truth, const Points& points, const Map&
     if (things_[i].hits > 0) things_[i].last_seen = outlines_of(truth.things[i]);
   }
 
-  const std::vector<Line> lines = lines_of(map, params_.spacing_m);
+  const MapLayers layers = layers_of(map);
+  const std::vector<Line> lines = lines_of(layers, params_.spacing_m);
   const bool is_due = compared_ns_ == kNever || seconds_between(compared_ns_, stamp_ns_) >= params_.every_s;
   MapOutlines outlines;
   for (const Line& line : lines) {
@@ -377,9 +390,8 @@ void FeatureEvaluation::add(const Scene& truth, const Points& points, const Map&
     if (is_due) compare_outline(things_[i], lines);
     if (body_ids_[i] != 0) outlines.of_bodies.push_back(outline_on(things_[i], lines));
   }
-  const Objects elements = layers_of(map).objects;
-  outlines.on_fixtures = on_fixtures(truth, elements);
-  bodies_->add(true_objects(truth), elements, {}, outlines);
+  outlines.on_fixtures = on_fixtures(truth, layers.objects);
+  bodies_->add(true_objects(truth), layers.objects, {}, outlines);
   if (!is_due) return;
   assign(truth, lines);
   compared_ns_ = stamp_ns_;

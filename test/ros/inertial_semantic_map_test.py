@@ -14,7 +14,6 @@ import numpy as np
 import rospy
 import rostest
 from sensor_msgs.msg import Imu, LaserScan, NavSatFix, NavSatStatus
-from std_srvs.srv import SetBool, Trigger
 from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import MarkerArray
 
@@ -23,10 +22,9 @@ sys.path.insert(0, str(HERE.parent))
 sys.path.insert(0, str(HERE.parents[2] / "scripts" / "evaluation"))
 import splinegon_worlds  # noqa: E402
 from fault_record import fault  # noqa: E402
-from ros_support import (BEAMS, Diagnostics, Latest, MapFollower, pid_of, ranges_to_circles,  # noqa: E402
-                         scan_msg, transform_msg, wait_until)
+from ros_support import (BEAMS, Diagnostics, Latest, MapFollower, MapServices, pid_of,  # noqa: E402
+                         ranges_to_circles, scan_msg, transform_msg, wait_until)
 from situation_awareness.msg import MapFeature  # noqa: E402
-from situation_awareness.srv import LoadMap, SaveMap  # noqa: E402
 
 STAGE = "inertial_semantic_map"
 TOWER = 6.0  # its radius; the vehicle flies around it
@@ -62,11 +60,7 @@ class InertialSemanticMapTest(unittest.TestCase):
         cls.scans = rospy.Publisher("scan", LaserScan, queue_size=1000, tcp_nodelay=True)
         cls.tf_static = rospy.Publisher("/tf_static", TFMessage, queue_size=10, latch=True)
         cls.tf_static.publish(transform_msg(rospy.Time(1), parent="base_link"))
-        cls.save = rospy.ServiceProxy("semantic_map/save_map", SaveMap)
-        cls.load = rospy.ServiceProxy("semantic_map/load_map", LoadMap)
-        cls.reset = rospy.ServiceProxy("semantic_map/reset", Trigger)
-        cls.pause = rospy.ServiceProxy("semantic_map/pause", SetBool)
-        cls.load.wait_for_service(60.0)
+        cls.services = MapServices()
         wait_until(lambda: all(link.get_num_connections() > 0 for link in (
             cls.imu, cls.fix, cls.scans, cls.tf_static, cls.maps.subscriber, cls.markers.subscriber)), 60.0, "the nodelet")
         time.sleep(1.0)
@@ -76,8 +70,8 @@ class InertialSemanticMapTest(unittest.TestCase):
         folder = tempfile.TemporaryDirectory()
         self.addCleanup(folder.cleanup)
         self.folder = pathlib.Path(folder.name)
-        self.pause(False)
-        self.reset()
+        self.services.pause(False)
+        self.services.reset()
 
     @classmethod
     def stamp(cls):
@@ -202,11 +196,11 @@ class InertialSemanticMapTest(unittest.TestCase):
         self.fly(ROUND + 30)
         tower = self.assert_the_tower()
         path = self.folder / "map.json"
-        answer = self.save(str(path))
+        answer = self.services.save(str(path))
         self.assertTrue(answer.success, answer.message)
-        self.reset()
+        self.services.reset()
         uuid = self.maps.map
-        answer = self.load(str(path))
+        answer = self.services.load(str(path))
         self.assertTrue(answer.success, answer.message)
         wait_until(lambda: self.maps.map != uuid, 5.0, "another map")
         self.assertEqual(self.ids(), {tower})
@@ -217,12 +211,12 @@ class InertialSemanticMapTest(unittest.TestCase):
     def test_reset_and_pause(self):
         self.fly(30)
         last = max(self.ids())
-        self.assertTrue(self.pause(True).success)
+        self.assertTrue(self.services.pause(True).success)
         messages = len(self.maps.messages)
         self.assertGreater(self.counts("passed over while paused", lambda: (self.step(), self.samples_until_scan())), 0)
         self.assertEqual(len(self.maps.messages), messages)
-        self.pause(False)
-        self.assertTrue(self.reset().success)
+        self.services.pause(False)
+        self.assertTrue(self.services.reset().success)
         self.fly(30)
         self.assertGreater(min(self.ids()), last, "ids are not used again")
 
@@ -311,7 +305,7 @@ class InertialSemanticMapTest(unittest.TestCase):
         self.fly(ROUND + 30)
         tower = self.assert_the_tower()
         path = str(self.folder / "map.json")
-        self.assertTrue(self.save(path).success)
+        self.assertTrue(self.services.save(path).success)
         messages = len(self.maps.messages)
         os.kill(pid_of("/map_manager"), signal.SIGKILL)
 
@@ -321,8 +315,8 @@ class InertialSemanticMapTest(unittest.TestCase):
         time.sleep(1.0)
         self.begin_anew(self.begin + rospy.Duration(1000))
         self.assertGreater(len(self.maps.messages), messages)
-        self.load.wait_for_service(10.0)
-        self.assertTrue(self.load(path).success)
+        self.services.load.wait_for_service(10.0)
+        self.assertTrue(self.services.load(path).success)
         wait_until(lambda: self.ids() == {tower}, 5.0, "the loaded map")
         self.fly(20)
         self.assertIn(tower, self.ids())

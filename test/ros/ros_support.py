@@ -12,6 +12,8 @@ from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import TransformStamped
 from sensor_msgs.msg import LaserScan
 from situation_awareness.msg import MapUpdate
+from situation_awareness.srv import LoadMap, SaveMap
+from std_srvs.srv import SetBool, Trigger
 from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import Marker
 
@@ -181,6 +183,17 @@ class MapFollower(Latest):
         self.features.update({feature.id: feature for feature in message.changed})
         self.map, self.version = message.map, message.version
         super().receive(message)
+
+
+class MapServices:
+    """The services of the one map."""
+
+    def __init__(self):
+        self.save = rospy.ServiceProxy("semantic_map/save_map", SaveMap)
+        self.load = rospy.ServiceProxy("semantic_map/load_map", LoadMap)
+        self.reset = rospy.ServiceProxy("semantic_map/reset", Trigger)
+        self.pause = rospy.ServiceProxy("semantic_map/pause", SetBool)
+        self.load.wait_for_service(60.0)
 
 
 class Diagnostics:

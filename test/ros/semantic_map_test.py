@@ -15,15 +15,13 @@ import unittest
 import rospy
 import rostest
 from geometry_msgs.msg import PoseWithCovarianceStamped
-from std_srvs.srv import SetBool, Trigger
 from visualization_msgs.msg import MarkerArray
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 from fault_record import fault  # noqa: E402
-from ros_support import (ANGLE_MIN, BEAMS, INCREMENT, Diagnostics, Latest, MapFollower, Robot,  # noqa: E402
-                         comes_true, pid_of, scan_msg, transform_msg, wait_until)
+from ros_support import (ANGLE_MIN, BEAMS, INCREMENT, Diagnostics, Latest, MapFollower,  # noqa: E402
+                         MapServices, Robot, comes_true, pid_of, scan_msg, transform_msg, wait_until)
 from situation_awareness.msg import MapFeature, SegmentArray  # noqa: E402
-from situation_awareness.srv import LoadMap, SaveMap  # noqa: E402
 
 STAGE = "semantic_map"
 
@@ -50,11 +48,7 @@ class SemanticMapTest(unittest.TestCase):
         cls.markers = Latest("semantic_map_markers", MarkerArray)
         cls.segments = Latest("segments", SegmentArray)
         cls.raw = rospy.Publisher("segments", SegmentArray, queue_size=100)
-        cls.save = rospy.ServiceProxy(f"{STAGE}/save_map", SaveMap)
-        cls.load = rospy.ServiceProxy(f"{STAGE}/load_map", LoadMap)
-        cls.reset = rospy.ServiceProxy(f"{STAGE}/reset", Trigger)
-        cls.pause = rospy.ServiceProxy(f"{STAGE}/pause", SetBool)
-        cls.load.wait_for_service(60.0)
+        cls.services = MapServices()
         wait_until(lambda: cls.raw.get_num_connections() > 1 and all(
             latest.subscriber.get_num_connections() > 0
             for latest in (cls.maps, cls.markers, cls.segments)), 60.0, "the nodelets")
@@ -64,8 +58,8 @@ class SemanticMapTest(unittest.TestCase):
         folder = tempfile.TemporaryDirectory()
         self.addCleanup(folder.cleanup)
         self.folder = pathlib.Path(folder.name)
-        self.pause(False)
-        self.reset()
+        self.services.pause(False)
+        self.services.reset()
         time.sleep(1.1)  # the room is new
 
     def send(self, count, before_scan=lambda stamp: None, **arguments):
@@ -108,13 +102,13 @@ class SemanticMapTest(unittest.TestCase):
         self.scan(25)
         ids, uuid = self.ids(), self.maps.map
         path = self.folder / "map.json"
-        answer = self.save(str(path))
+        answer = self.services.save(str(path))
         self.assertTrue(answer.success, answer.message)
-        self.assertFalse(self.save("map.json").success, "no absolute path")
+        self.assertFalse(self.services.save("map.json").success, "no absolute path")
         saved = json.loads(path.read_text())
         self.assertEqual({feature["id"] for feature in saved["features"]}, ids)
-        self.reset()
-        answer = self.load(str(path))
+        self.services.reset()
+        answer = self.services.load(str(path))
         self.assertTrue(answer.success, answer.message)
         wait_until(lambda: self.maps.map != uuid, 5.0, "another map")
         self.assertEqual(self.ids(), ids)
@@ -126,7 +120,7 @@ class SemanticMapTest(unittest.TestCase):
                               ("number.json", text.replace('"p_exists":', '"p_exists":7', 1))):
             path = self.folder / name
             path.write_text(damaged)
-            answer = self.load(str(path))
+            answer = self.services.load(str(path))
             self.assertFalse(answer.success)
             self.assertTrue(answer.message.startswith(f"{path}: "), answer.message)
         self.scan(1)
@@ -135,15 +129,15 @@ class SemanticMapTest(unittest.TestCase):
     def test_reset_and_pause(self):
         self.scan(25)
         last, uuid = max(self.ids()), self.maps.map
-        self.assertTrue(self.pause(True).success)
+        self.assertTrue(self.services.pause(True).success)
         messages = len(self.maps.messages)
         for _ in range(3):
             stamp = rospy.Time.now()
             self.robot.tf.publish(transform_msg(stamp, parent="map"))
             self.robot.publish(scan_msg(stamp, ranges=ranges_in_a_room()), transforms=False)
         self.assertEqual(len(self.maps.messages), messages)
-        self.pause(False)
-        self.assertTrue(self.reset().success)
+        self.services.pause(False)
+        self.assertTrue(self.services.reset().success)
         time.sleep(1.1)
         self.scan(25)
         self.assertNotEqual(self.maps.map, uuid)
@@ -219,7 +213,7 @@ class SemanticMapTest(unittest.TestCase):
         before = self.count(key)
         least_sigma_m = []
         for variance[0] in (1e-6, 4e-4):  # the second is that of the default
-            self.assertTrue(self.reset().success)
+            self.assertTrue(self.services.reset().success)
             for _ in range(25):  # one by one, so that none is overtaken on a busy computer
                 self.scan(1, publish)
             least_sigma_m.append(min(min(feature.sigma) for feature in self.maps.features.values()))
@@ -262,11 +256,11 @@ class SemanticMapTest(unittest.TestCase):
             path = self.folder / name
             if text is not None:
                 path.write_text(text)
-            answer = self.load(str(path))
+            answer = self.services.load(str(path))
             self.assertFalse(answer.success, name)
             self.assertTrue(answer.message.startswith(str(path)), answer.message)
             self.assertNotIn("\n", answer.message)
-        answer = self.load(str(self.folder))
+        answer = self.services.load(str(self.folder))
         self.assertFalse(answer.success)
         self.assertIn(str(self.folder), answer.message)
         self.scan(2)
@@ -324,7 +318,7 @@ class SemanticMapTest(unittest.TestCase):
         self.scan(25)
         ids = self.ids()
         path = str(self.folder / "map.json")
-        self.assertTrue(self.save(path).success)
+        self.assertTrue(self.services.save(path).success)
         os.kill(pid_of("/map_manager"), signal.SIGKILL)
 
         def maps_again():
@@ -333,8 +327,8 @@ class SemanticMapTest(unittest.TestCase):
             self.robot.publish(scan_msg(stamp, ranges=ranges_in_a_room()), transforms=False)
             return comes_true(lambda: stamp in self.maps.stamps(), 0.5)
         wait_until(maps_again, 60.0, "the manager and its nodelets to come back")
-        self.load.wait_for_service(10.0)
-        self.assertTrue(self.load(path).success)
+        self.services.load.wait_for_service(10.0)
+        self.assertTrue(self.services.load(path).success)
         self.scan(3)
         self.assertEqual(self.ids(), ids)
 

@@ -133,8 +133,12 @@ class FeatureEvaluation {
   void compare_outline(Thing& thing, const std::vector<Line>& lines) const;
   std::vector<bool> on_fixtures(const Scene& truth, const Objects& map) const;
   OutlineOnBody outline_on(const Thing& thing, const std::vector<Line>& lines) const;
+  /// The thing whose outlines are nearest, within explained_m; `outlines` are those of all things that are there.
+  std::optional<std::size_t> nearest_thing(const Eigen::Vector2d& p, const std::vector<Outlines>& outlines) const;
+  /// Whether something was there when it was last seen, which is elsewhere meanwhile.
+  bool is_past_place(const Eigen::Vector2d& p) const;
   void assign(const Scene& truth, const std::vector<Line>& lines);
-  static std::vector<Line> lines_of(const Map& map, double spacing_m);
+  static std::vector<Line> lines_of(const MapLayers& layers, double spacing_m);
   Objects true_objects(const Scene& truth) const;
 
   FeatureEvaluationParams params_;
