@@ -8,7 +8,7 @@ Rule 2  A stage (and sim/) sees another stage only through its value header,
         the one that bears its folder's name: segments/segments.hpp.
         The map kinds (map/objects, map/polygons, ...) see one another the same way.
 Rule 3  sim/ and evaluation/ are libraries of their own, of which each needs the core alone: sim/ does not see
-        pipeline/, evaluation/ not sim/.
+        registration/ and pipeline/, evaluation/ not sim/.
 Rule 4  A foreign header stays in the folders that own it (FOREIGN).
 """
 import pathlib
@@ -16,9 +16,9 @@ import re
 import sys
 
 STAGES = ["cloud", "scan", "image", "points", "segments", "polylines", "detections", "map", "pose", "path"]
-ORDER = ["common", "geometry", "estimation"] + STAGES + ["pipeline", "sim", "evaluation", "ros"]
+ORDER = ["common", "geometry", "estimation"] + STAGES + ["registration", "pipeline", "sim", "evaluation", "ros"]
 VALUES_ONLY = STAGES + ["sim"]
-APART = {("sim", "pipeline"), ("evaluation", "sim")}  # the first may not include the second
+APART = {("sim", "registration"), ("sim", "pipeline"), ("evaluation", "sim")}  # the first may not include the second
 
 FOREIGN = {  # header prefix -> folders that may include it
     r"(ros|rosbag|nodelet|pluginlib|tf2?(_\w+)?|\w+_msgs|std_srvs|dynamic_reconfigure"

@@ -34,6 +34,11 @@ inline Eigen::Isometry3d isometry_in_plane(const Pose2& T_a_b) {
   return T;
 }
 
+/// The part of a pose in the plane: x, y, and the yaw of its x axis.
+inline Pose2 pose2_of(const Eigen::Isometry3d& T_a_b) {
+  return {T_a_b.translation().head<2>(), std::atan2(T_a_b(1, 0), T_a_b(0, 0))};
+}
+
 /// The motion that turns by a yaw (rad) about a place, and moves that by x and y (m).
 inline Pose2 motion_about(const Eigen::Vector2d& center_m, const Eigen::Vector3d& motion) {
   Pose2 T = {Eigen::Vector2d::Zero(), motion(2)};

@@ -12,7 +12,7 @@
 #include "situation_awareness/map/objects/objects.hpp"
 #include "situation_awareness/map/polygons/polygon_map.hpp"
 #include "situation_awareness/map/splinegons/splinegon_map.hpp"
-#include "situation_awareness/pipeline/map_alignment.hpp"
+#include "situation_awareness/registration/map_alignment.hpp"
 #include "situation_awareness/pipeline/moving_objects.hpp"
 #include "situation_awareness/pipeline/object_pipeline.hpp"
 #include "situation_awareness/pipeline/obstacle_boundaries.hpp"

@@ -14,7 +14,7 @@
 #include <std_msgs/Header.h>
 #include <Eigen/Geometry>
 
-#include "situation_awareness/pipeline/map_alignment.hpp"
+#include "situation_awareness/registration/map_alignment.hpp"
 #include "situation_awareness/ros/gps_ins_report.hpp"
 #include "situation_awareness/ros/inertial_navigation.hpp"
 #include "situation_awareness/ros/params/gps_ins_nodelet_params.hpp"

@@ -67,8 +67,6 @@ geometry_msgs::Pose pose_of(const geometry_msgs::Transform& transform) {
   return pose;
 }
 
-Pose2 pose2_of(const Eigen::Isometry3d& T) { return {T.translation().head<2>(), std::atan2(T(1, 0), T(0, 0))}; }
-
 Pose2 pose2_of(const geometry_msgs::Pose& pose) {
   const geometry_msgs::Quaternion& q = pose.orientation;
   return {{pose.position.x, pose.position.y},

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "situation_awareness/pipeline/pose_graph.hpp"
+#include "situation_awareness/registration/pose_graph.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "situation_awareness/pipeline/map_alignment.hpp"
+#include "situation_awareness/registration/map_alignment.hpp"
 
 #include <algorithm>
 #include <cmath>

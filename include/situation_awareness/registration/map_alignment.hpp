@@ -12,10 +12,10 @@
 #include "situation_awareness/common/stamp_order.hpp"
 #include "situation_awareness/geometry/pose2.hpp"
 #include "situation_awareness/map/polygons/polygon_map.hpp"
-#include "situation_awareness/pipeline/loop_search.hpp"
-#include "situation_awareness/pipeline/map_place.hpp"
-#include "situation_awareness/pipeline/pose_graph.hpp"
 #include "situation_awareness/polylines/polylines.hpp"
+#include "situation_awareness/registration/loop_search.hpp"
+#include "situation_awareness/registration/map_place.hpp"
+#include "situation_awareness/registration/pose_graph.hpp"
 
 namespace situation_awareness {
 

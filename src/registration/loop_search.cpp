@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "situation_awareness/pipeline/loop_search.hpp"
+#include "situation_awareness/registration/loop_search.hpp"
 
 #include <algorithm>
 #include <array>
