@@ -144,15 +144,13 @@ situation_awareness_node(transit_evaluator src/ros/nodes/transit_evaluator.cpp $
 situation_awareness_node(stage_manager src/ros/nodes/stage_manager.cpp)
 if(SITUATION_AWARENESS_SIM)
   set(situation_awareness_sensors ${PROJECT_NAME}_sim $<TARGET_NAME_IF_EXISTS:${PROJECT_NAME}_camera>)
-  situation_awareness_node(simulator src/ros/nodes/simulator.cpp ${situation_awareness_sensors})
-  situation_awareness_node(aircraft_simulator src/ros/nodes/aircraft_simulator.cpp ${situation_awareness_sensors})
+  situation_awareness_node(simulator src/ros/nodes/simulator/simulator.cpp ${situation_awareness_sensors})
+  target_sources(simulator PRIVATE src/ros/nodes/simulator/sensors.cpp src/ros/nodes/simulator/vehicles.cpp)
   situation_awareness_node(boundary_evaluator src/ros/nodes/boundary_evaluator.cpp ${PROJECT_NAME}_metrics
     ${PROJECT_NAME}_sim)
   situation_awareness_node(map_evaluator src/ros/nodes/map_evaluator.cpp ${PROJECT_NAME}_metrics
     ${PROJECT_NAME}_sim)
-  situation_awareness_node(multirotor_simulator src/ros/nodes/multirotor_simulator.cpp ${situation_awareness_sensors})
   situation_awareness_node(target_evaluator src/ros/nodes/target_evaluator.cpp ${PROJECT_NAME}_sim)
-  situation_awareness_node(vehicle_simulator src/ros/nodes/vehicle_simulator.cpp ${situation_awareness_sensors})
   situation_awareness_node(simulate_bag src/ros/tools/simulate_bag.cpp ${PROJECT_NAME}_bag
     ${situation_awareness_sensors})
   install(TARGETS ${PROJECT_NAME}_sim LIBRARY DESTINATION ${CATKIN_PACKAGE_LIB_DESTINATION}

@@ -186,7 +186,6 @@ def world(seed):
 {"".join(car(rng, k + 1, x, y, z(x, y), rng.uniform(-math.pi, math.pi)) for k, (x, y, _) in enumerate(cars))}
 
     <body name="robot" mocap="true" pos="{-BEGIN_M:.1f} {-BEGIN_M:.1f} {height:.1f}">
-      <site name="lidar" pos="0 0 0.1" size="0.01"/>
       <site name="gnss" pos="0 0 0.1" size="0.01"/>
       <site name="imu" size="0.01"/>
       <site name="camera_optical" pos="0.15 0 -0.05" xyaxes="0 -1 0 {math.sin(pitch):.6f} 0 {-math.cos(pitch):.6f}"/>

@@ -64,6 +64,11 @@ Eigen::Vector2d FixedWing::velocity_of(const FixedWingState& state) const {
   return params_.airspeed_m_s * Eigen::Vector2d(std::cos(yaw_rad), std::sin(yaw_rad)) + wind_m_s_;
 }
 
+Pose2 FixedWing::T_world_course() const {
+  const Eigen::Vector2d velocity_m_s = velocity_world_m_s();
+  return {state().T_world_robot.translation_m, std::atan2(velocity_m_s.y(), velocity_m_s.x())};
+}
+
 /// At a constant turn rate: an arc through the air, by its chord.
 FixedWingState FixedWing::moved(const FixedWingState& state, double turn_rate_rad_s, double duration_s) const {
   const double half_turn_rad = 0.5 * turn_rate_rad_s * duration_s;

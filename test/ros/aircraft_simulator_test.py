@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""aircraft_simulator: it turns as it is told, within its limits, goes straight on without commands, and says why it does
-not start."""
+"""The simulator of a world with a vehicle on wings: it turns as it is told, within its limits, goes straight on without
+commands, and says why it does not start."""
 import math
 import pathlib
 import sys
@@ -85,8 +85,9 @@ class AircraftSimulatorTest(unittest.TestCase):
         self.assertTrue(self.markers.messages)
 
     def test_it_says_why_it_does_not_start(self):
-        self.assertIn("its robot is no fixed_wing", refusal_of_node("aircraft_simulator", "_world:=demo"))
-        self.assertIn("rate = -1", refusal_of_node("aircraft_simulator", "_rate:=-1"))
+        self.assertIn("the robot of towers is a fixed_wing: unknown parameter transits",
+                      refusal_of_node("simulator", "_world:=towers", "_transits:=3"))
+        self.assertIn("rate = 0", refusal_of_node("simulator", "_world:=towers", "_rate:=0"))
 
 
 if __name__ == "__main__":

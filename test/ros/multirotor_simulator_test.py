@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""multirotor_simulator: it goes where it is told, what its sensors measure is the truth but for the errors that they
-are said to have, and it says why it does not start."""
+"""The simulator of a world with a multirotor that is led: it goes where it is told, what its sensors measure is the truth
+but for the errors that they are said to have, and it says why it does not start."""
 import math
 import pathlib
 import sys
@@ -93,8 +93,11 @@ class MultirotorSimulatorTest(unittest.TestCase):
         self.assertFalse(self.tf.can_transform("world", "base_link", rospy.Time()), "it does not tell where it is")
 
     def test_3_it_says_why_it_does_not_start(self):
-        self.assertIn("its robot is no multirotor", refusal_of_node("multirotor_simulator", "_world:=towers"))
-        self.assertIn("altitude_sigma_m = -1", refusal_of_node("multirotor_simulator", "_altitude_sigma_m:=-1"))
+        self.assertIn("the robot of carpark is a multirotor: unknown parameter rounds",
+                      refusal_of_node("simulator", "_world:=carpark", "_rounds:=1"))
+        self.assertIn("carpark.xml: there is no site 'lidar'",
+                      refusal_of_node("simulator", "_world:=carpark", "_rings:=16"))
+        self.assertIn("altitude_sigma_m = -1", refusal_of_node("simulator", "_world:=carpark", "_altitude_sigma_m:=-1"))
 
 
 if __name__ == "__main__":

@@ -118,10 +118,10 @@ def run_beside(run):
     threading.Thread(target=until_shutdown, daemon=True).start()
 
 
-def refusal_of_node(program, argument):
-    """The one line in which a program of this package, started with this private parameter, says why it ends."""
+def refusal_of_node(program, *arguments):
+    """The one line in which a program of this package, started with these private parameters, says why it ends."""
     name = f"refused_{program}"
-    result = subprocess.run(["rosrun", "situation_awareness", program, f"__name:={name}", argument],
+    result = subprocess.run(["rosrun", "situation_awareness", program, f"__name:={name}", *arguments],
                             capture_output=True, text=True, timeout=30, check=False)
     rospy.delete_param(f"/{name}")
     said = result.stdout + result.stderr

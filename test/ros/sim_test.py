@@ -46,7 +46,7 @@ class SimTest(unittest.TestCase):
 
     def test_3_nodes_refuse_what_they_do_not_know(self):
         for program, argument, facts in (("simulator", "_rate:=-1", ("rate", "-1", "[0, 100]")),
-                                         ("simulator", "_speed:=2", ("speed",)),
+                                         ("simulator", "_speed:=2", ("speed", "the robot of demo is on a path")),
                                          ("simulator", "_world:=atlantis", ("atlantis.xml",)),
                                          ("map_evaluator", "_world:=atlantis", ("atlantis.xml",)),
                                          ("map_evaluator", "_max_delay:=2", ("max_delay", "max_delay_s"))):

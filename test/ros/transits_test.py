@@ -1,6 +1,6 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""vehicle_simulator and transit_evaluator: a vehicle is steered by its true pose from dock to dock, what stands changes
+"""simulator and transit_evaluator: a vehicle is steered by its true pose from dock to dock, what stands changes
 meanwhile, and the evaluator judges a map that is the truth, and one that has an error."""
 import math
 import pathlib

@@ -1,6 +1,6 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""vehicle_simulator: the vehicle follows cmd_vel, and stops without; its topics fit together."""
+"""The simulator of a world with a vehicle on wheels: the vehicle follows cmd_vel, and stops without; its topics fit together."""
 import math
 import pathlib
 import sys
@@ -116,9 +116,10 @@ class VehicleSimulatorTest(unittest.TestCase):
         self.assertAlmostEqual(driven, stopped - 1.6, delta=0.1)
 
     def test_4_it_refuses_what_it_cannot_do(self):
-        for argument, facts in (("_rate:=-1", ("rate", "-1", "0.01")), ("_speed:=2", ("speed",)),
-                                ("_world:=demo", ("robot", "unicycle")), ("_transits:=0", ("transits", "0"))):
-            message = refusal_of_node("vehicle_simulator", argument)
+        for argument, facts in (("_rate:=-1", ("rate", "-1", "0.01")), ("_speed:=2", ("speed", "unicycle")),
+                                ("_scripted:=true", ("scripted", "unicycle", "transits")),
+                                ("_transits:=0", ("transits", "0"))):
+            message = refusal_of_node("simulator", "_world:=corridor", argument)
             for fact in facts:
                 self.assertIn(fact, message)
 

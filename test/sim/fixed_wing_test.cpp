@@ -55,6 +55,11 @@ TEST(FixedWing, IsCarriedByTheWind) {
         in_wind.state().T_world_robot.translation_m - in_calm.state().T_world_robot.translation_m;
     EXPECT_NEAR((off_m - 0.25 * i * Eigen::Vector2d(1.5, -0.8)).norm(), 0.0, 1e-9);
     EXPECT_EQ(in_wind.state().T_world_robot.yaw_rad, in_calm.state().T_world_robot.yaw_rad);
+    const Pose2 course = in_wind.T_world_course();
+    EXPECT_EQ(course.translation_m, in_wind.state().T_world_robot.translation_m);
+    const Eigen::Vector2d along(std::cos(course.yaw_rad), std::sin(course.yaw_rad));
+    const Eigen::Vector2d velocity_m_s = in_wind.velocity_world_m_s();
+    EXPECT_NEAR((velocity_m_s.norm() * along - velocity_m_s).norm(), 0.0, 1e-12);
   }
 }
 

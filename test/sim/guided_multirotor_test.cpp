@@ -3,9 +3,13 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <stdexcept>
+#include <vector>
+
+#include "situation_awareness/sim/lanes_flight.hpp"
 
 namespace situation_awareness::guided_multirotor_test {
 namespace {
@@ -71,6 +75,30 @@ TEST(GuidedMultirotor, IgnoresGoalsThatAreNotFinite) {
   GuidedMultirotorParams params;
   params.max_speed_m_s = 0.0;
   EXPECT_THROW(GuidedMultirotor(params, Eigen::Vector3d::Zero(), 0.0), std::invalid_argument);
+}
+
+TEST(LanesFlight, PassesAllOfTheRegionAtItsHeightAndComesBack) {
+  constexpr double kHalf_m = 40.0, kLane_m = 20.0;
+  const Eigen::Vector3d begin_m(-50.0, -45.0, 30.0);
+  GuidedMultirotor robot({}, begin_m, 0.0);
+  LanesFlight flight(robot, kHalf_m, kLane_m);
+  std::vector<Eigen::Vector3d> flown_m;
+  while (!flight.done() && robot.time_s() < 200.0) {
+    flight.steer();
+    robot.advance(robot.time_s() + 0.2);
+    flown_m.push_back(robot.at(robot.time_s()).T_world_robot.translation());
+  }
+  EXPECT_TRUE(flight.done());
+  EXPECT_LT((flown_m.back() - begin_m).norm(), 6.0);
+  for (double x = -kHalf_m; x <= kHalf_m; x += 10.0) {
+    for (double y = -kHalf_m; y <= kHalf_m; y += 10.0) {
+      double off_m = std::numeric_limits<double>::infinity();
+      for (const Eigen::Vector3d& p_m : flown_m)
+        off_m = std::min(off_m, (p_m.head<2>() - Eigen::Vector2d(x, y)).norm());
+      EXPECT_LT(off_m, 0.5 * kLane_m + 2.0) << x << ", " << y;
+    }
+  }
+  for (const Eigen::Vector3d& p_m : flown_m) EXPECT_NEAR(p_m.z(), begin_m.z(), 1e-6);
 }
 
 }  // namespace

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Sensors of the robot's own motion: IMU, GNSS and wheel odometry.
 #include <cmath>
+#include <cstdint>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -10,6 +11,7 @@
 #include "sim/world_file.hpp"
 #include "situation_awareness/geometry/angles.hpp"
 #include "situation_awareness/sim/sensors.hpp"
+#include "situation_awareness/sim/standing_error.hpp"
 #include "support/consistency.hpp"
 #include "support/refusal.hpp"
 
@@ -289,6 +291,22 @@ TEST(SimulatedOdometry, StatesTheCovarianceOfItsDrift) {
 }
 
 // --- all ------------------------------------------------------------------------------------------------------------
+
+TEST(StandingError, IsOneThatStaysAndOneOfEachReading) {
+  constexpr double kSigma = 0.3, kTruth = 7.0;
+  constexpr int kSensors = 2000;
+  double total = 0.0, of_readings = 0.0;  // squares
+  for (int seed = 0; seed < kSensors; ++seed) {
+    StandingError sensor(kSigma, static_cast<std::uint64_t>(seed));
+    const double first = sensor.reading_of(kTruth), second = sensor.reading_of(kTruth);
+    total += (first - kTruth) * (first - kTruth);
+    of_readings += (first - second) * (first - second);
+  }
+  EXPECT_NEAR(total / kSensors, 2.0 * kSigma * kSigma, 0.02);        // 5 sigma of this mean
+  EXPECT_NEAR(of_readings / kSensors, 2.0 * kSigma * kSigma, 0.02);  // so that one error was common to both
+  EXPECT_DOUBLE_EQ(StandingError(kSigma, 1).variance(10.0), 11.0 * kSigma * kSigma);
+  EXPECT_EQ(StandingError(0.0, 1).reading_of(kTruth), kTruth);
+}
 
 TEST(MotionSensors, AreThoseOfTheFileAndRefuseBadParams) {
   const WorldFile file(

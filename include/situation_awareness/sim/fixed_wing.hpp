@@ -73,6 +73,9 @@ class FixedWing {
   /// Over the ground at `time_s()`.
   Eigen::Vector2d velocity_world_m_s() const { return velocity_of(history_.latest()); }
 
+  /// Where it is and where it moves at `time_s()`: with wind the course over the ground is not the heading.
+  Pose2 T_world_course() const;
+
   /// Left positive; holds from `time_s()` on, until the next command or the timeout. What is not finite is straight on.
   void command(double turn_rate_rad_s);
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Compares `pose` and the map of `semantic_map/updates` with the truth of vehicle_simulator, transit by transit, and
+// Compares `pose` and the map of `semantic_map/updates` with the truth of the simulator, transit by transit, and
 // prints a table; the exit code tells whether the bounds were met.
 #include <algorithm>
 #include <cmath>

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <string>
+#include <utility>
 
 #include <xmlrpcpp/XmlRpcValue.h>
 
@@ -27,8 +28,8 @@ class ParamReader {
 
   /// A params struct, as params_from_yaml does.
   template <class Params>
-  Params read(const OnUnknownKey& on_unknown_key) const {
-    return params_from_yaml<Params>(yaml_, source_, on_unknown_key);
+  Params read(const OnUnknownKey& on_unknown_key, Params defaults = Params()) const {
+    return params_from_yaml<Params>(yaml_, source_, on_unknown_key, std::move(defaults));
   }
 
   const std::string& source() const { return source_; }
