@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""The simulator of a world with a multirotor that is led: it goes where it is told, what its sensors measure is the truth
-but for the errors that they are said to have, and it says why it does not start."""
+"""The simulator of a world with a multirotor that is led: it goes where it is told, what its sensors measure is the
+truth but for the errors that they are said to have, and it says why it does not start."""
 import math
 import pathlib
 import sys

@@ -1,6 +1,7 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""The simulator of a world with a vehicle on wheels: the vehicle follows cmd_vel, and stops without; its topics fit together."""
+"""The simulator of a world with a vehicle on wheels: the vehicle follows cmd_vel, and stops without; its topics fit
+together."""
 import math
 import pathlib
 import sys

@@ -52,8 +52,8 @@ struct LabelImage {
 /// have the object's id. Use it from one thread.
 class SimulatedLabelCamera {
  public:
-  /// `world` must outlive the camera; what it draws is read from the world's file. Throws std::invalid_argument for
-  /// params, std::runtime_error where rendering is not available.
+  /// `world` must outlive the camera; what it draws is read from the world's file when it is first needed. Throws
+  /// std::invalid_argument for params.
   SimulatedLabelCamera(const World& world, const Eigen::Isometry3d& T_robot_camera,
                        const SimulatedLabelCameraParams& params);
   ~SimulatedLabelCamera();
@@ -62,11 +62,13 @@ class SimulatedLabelCamera {
   const SimulatedLabelCameraParams& params() const;
 
   /// "nothing" for what is farther than all shapes, "no material", then the materials in the order of the file.
-  const std::vector<std::string>& class_names() const;
+  /// Throws as next().
+  const std::vector<std::string>& class_names();
 
   /// When the next image is due; the first is at time 0.
   double next_time_s() const;
 
+  /// Throws std::runtime_error where rendering is not available.
   LabelImage next();
 
   /// The image from any other place, the robot being where it is at that time; no image of next() is passed over.

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Compares `semantic_map`, `odometry` and `fix` with the truth of aircraft_simulator and its world, and prints a table;
+// Compares `semantic_map`, `odometry` and `fix` with the truth of the simulator and its world, and prints a table;
 // the exit code tells whether the bounds were met. A flight ends by `flight_done`, or when its `mission` is done.
 #include <algorithm>
 #include <cmath>

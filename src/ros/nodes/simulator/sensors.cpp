@@ -66,11 +66,11 @@ class SensorPublishers {
     }
   }
 
-  static ScanTruth truth_of(const ScannerSample& sample, double period_s) {
-    return {sample.scan.stamp_ns, period_s, sample.hits, sample.hits.size(), sample.T_world_lidar};
+  static ScanTruth truth_of(const ScannerSample& sample) {
+    return {sample.scan.stamp_ns, sample.hits, sample.hits.size(), sample.T_world_lidar};
   }
-  static ScanTruth truth_of(const RingScannerSample& sample, double period_s) {
-    return {sample.cloud.stamp_ns, period_s, sample.hits, sample.cloud.columns, sample.T_world_sensor};
+  static ScanTruth truth_of(const RingScannerSample& sample) {
+    return {sample.cloud.stamp_ns, sample.hits, sample.cloud.columns, sample.T_world_sensor};
   }
   static std::int64_t& stamp_of(ScannerSample& sample) { return sample.scan.stamp_ns; }
   static std::int64_t& stamp_of(RingScannerSample& sample) { return sample.cloud.stamp_ns; }
@@ -80,15 +80,13 @@ class SensorPublishers {
     const ros::Publisher publisher = simulation_.node.advertise<Message>(names_.of(mounted.name, topic), 50);
     const bool is_first = !topics_.scan;
     if (is_first) topics_.scan = publisher;
-    const double period_s = 1.0 / mounted.params.rate_hz;
     const auto scanner = std::make_shared<Scanner>(simulation_.world, mounted.T_robot_sensor, mounted.params, seed);
     simulation_.schedule.add(
         [scanner, later_s = later(mounted.params.sweep_s)] { return scanner->next_time_s() + later_s; },
-        [&simulation = simulation_, &vehicle = vehicle_, scanner, publisher, to_msg, is_first, period_s,
-         frame = mount(mounted)] {
+        [&simulation = simulation_, &vehicle = vehicle_, scanner, publisher, to_msg, is_first, frame = mount(mounted)] {
           if (!vehicle.scans(scanner->next_time_s())) return scanner->skip();
           auto sample = scanner->next();
-          const ScanTruth truth = truth_of(sample, period_s);
+          const ScanTruth truth = truth_of(sample);
           stamp_of(sample) += simulation.clock.start_ns();
           publisher.publish(to_msg(sample, frame));
           if (is_first) vehicle.scanned(truth);
@@ -116,7 +114,7 @@ class SensorPublishers {
                              });
   }
 
-  /// It draws only while there are subscribers: each image takes time.
+  /// It draws only while there are subscribers: each image takes time, and drawing needs EGL.
   void add_label_camera(const MountedSensor<SimulatedLabelCameraParams>& mounted) {
     const SimulatorParams& params = simulation_.params;
     const std::string topic =
@@ -132,11 +130,10 @@ class SensorPublishers {
     topics_.images.insert(topics_.images.end(), {labels, picture});
     const auto camera =
         std::make_shared<SimulatedLabelCamera>(simulation_.world, mounted.T_robot_sensor, mounted.params);
-    std::vector<bool> is_class;
-    for (const std::string& name : camera->class_names()) is_class.push_back(name.rfind(params.label_class, 0) == 0);
     simulation_.schedule.add(
         [camera] { return camera->next_time_s(); },
-        [=, &simulation = simulation_, frame = mount(mounted), block_px = params.label_block_px] {
+        [=, &simulation = simulation_, frame = mount(mounted), wanted = params.label_class,
+         block_px = params.label_block_px] {
           const auto is_heard = [](const ros::Publisher& p) { return p.getNumSubscribers() > 0; };
           const std::array all{info, objects, classes, labels, labels_info, picture};
           if (std::none_of(all.begin(), all.end(), is_heard)) return camera->skip();
@@ -144,7 +141,11 @@ class SensorPublishers {
           image.stamp_ns += simulation.clock.start_ns();
           labels_info.publish(labels_info_to_msg(image, block_px, frame));
           info.publish(camera_info_to_msg(image.width, image.height, image.focal_length_px, image.stamp_ns, frame));
-          if (is_heard(labels)) labels.publish(soft_labels_to_msg(image, is_class, block_px, frame));
+          if (is_heard(labels)) {
+            std::vector<bool> is_class;
+            for (const std::string& name : camera->class_names()) is_class.push_back(name.rfind(wanted, 0) == 0);
+            labels.publish(soft_labels_to_msg(image, is_class, block_px, frame));
+          }
           if (is_heard(objects)) objects.publish(objects_image_to_msg(image, frame));
           if (is_heard(classes)) classes.publish(classes_image_to_msg(image, frame));
           if (is_heard(picture)) {

@@ -24,10 +24,12 @@ namespace situation_awareness {
 /// How the robot of a world moves: along the path of the file, or as it is led.
 enum class VehicleKind { kPath, kUnicycle, kFixedWing, kMultirotor };
 
+constexpr const char* kDefaultWorld = "demo";
+
 /// Which parameters there are depends on the vehicle.
 struct SimulatorParams {
   VehicleKind vehicle;
-  std::string world;
+  std::string world = kDefaultWorld;
   bool clock = true;
   double rate = 1.0;
   int seed = 1;

@@ -31,9 +31,7 @@ SimulatorParams read_params(const ros::NodeHandle& private_node, const std::stri
     key.source += ": the robot of " + world + " is " + kRobots.at(static_cast<std::size_t>(kind));
     refuse(key);
   };
-  SimulatorParams params = ParamReader(private_node).read(refuse_for_robot, SimulatorParams(kind));
-  params.world = world;
-  return params;
+  return ParamReader(private_node).read(refuse_for_robot, SimulatorParams(kind));
 }
 
 /// The world's sensors, or with `rings` the one that replaces its scanners.
@@ -48,9 +46,9 @@ WorldSensors sensors_with(const World& world, int rings) {
 }
 
 void simulate(ros::NodeHandle& node, const ros::NodeHandle& private_node) {
-  const auto file = private_node.param<std::string>("world", "demo");
-  World world(world_file(file));
-  const SimulatorParams params = read_params(private_node, file, kind_of(world));
+  const auto name = private_node.param<std::string>("world", kDefaultWorld);
+  World world(world_file(name));
+  const SimulatorParams params = read_params(private_node, name, kind_of(world));
   Simulation simulation(node, params, world, sensors_with(world, params.rings));
   const std::unique_ptr<SimulatedVehicle> vehicle = make_vehicle(simulation);
   const SensorTopics topics = add_sensors(simulation, *vehicle);

@@ -72,9 +72,9 @@ class PathVehicle : public SimulatedVehicle {
       mapped_ns_ = std::max(mapped_ns_, to_nanoseconds(msg.header.stamp));
     });
     const WorldSensors& sensors = simulation.sensors;
-    const double rate_hz = kPosesPerScan * (sensors.scanners.empty() ? sensors.ring_scanners.front().params.rate_hz
-                                                                     : sensors.scanners.front().params.rate_hz);
-    const auto next_time_s = [this, rate_hz] { return static_cast<double>(poses_) / rate_hz; };
+    scan_rate_hz_ = sensors.scanners.empty() ? sensors.ring_scanners.front().params.rate_hz
+                                             : sensors.scanners.front().params.rate_hz;
+    const auto next_time_s = [this] { return static_cast<double>(poses_) / (kPosesPerScan * scan_rate_hz_); };
     simulation.schedule.add(next_time_s, [this, next_time_s] {
       publish_pose(next_time_s());
       ++poses_;
@@ -127,7 +127,7 @@ class PathVehicle : public SimulatedVehicle {
       return;
     }
     const std::int64_t stamp_ns =
-        simulation_.clock.start_ns() + scan.stamp_ns - nanoseconds(kMaxScansAhead * scan.period_s);
+        simulation_.clock.start_ns() + scan.stamp_ns - nanoseconds(kMaxScansAhead / scan_rate_hz_);
     const ros::WallTime deadline = ros::WallTime::now() + ros::WallDuration(0.2);
     while (ros::ok() && mapped_ns_ < stamp_ns && ros::WallTime::now() < deadline) {
       ros::getGlobalCallbackQueue()->callAvailable(ros::WallDuration(0.0005));
@@ -135,6 +135,7 @@ class PathVehicle : public SimulatedVehicle {
   }
 
   Sightings sightings_;
+  double scan_rate_hz_ = 0.0;
   std::uint64_t poses_ = 0;
   std::int64_t mapped_ns_ = 0;
   ros::Publisher odometry_, truth_, markers_;

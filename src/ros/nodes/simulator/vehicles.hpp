@@ -27,8 +27,7 @@ struct SensorTopics {
 
 /// What is true of a scan that was published.
 struct ScanTruth {
-  std::int64_t stamp_ns;  ///< on the simulation's clock
-  double period_s;
+  std::int64_t stamp_ns;             ///< on the simulation's clock
   const std::vector<TrueHit>& hits;  ///< rows of `columns`
   std::size_t columns;
   const Eigen::Isometry3d& T_world_sensor;  ///< at the stamp
