@@ -41,6 +41,13 @@ ROBOT_HEIGHT_M, LIDAR_ABOVE_M = 0.9, 0.1
 ROBOT_M_S, ROBOT_RADIUS_M, CLEARANCE_M = 1.35, 0.5, 0.4  # its mean speed
 HALL_SLOWNESS = 2.0
 DRAG_1_S = 0.1  # the multirotor tilts by 1 degree at its speed, so that beams stay below a car's roof
+MORE_SENSORS = {  # site and text of those that only a world of models/worlds has: a camera 20 deg down, IMU, receiver
+    '<site name="camera_optical" pos="0.2 0 -0.05" xyaxes="0 -1 0 -0.342020 0 -0.939693" size="0.01"/>':
+        '<text name="camera_optical" data="label_camera rate_hz 2 width 448 height 336 fovy_rad 0.8194"/>',
+    '<site name="imu" size="0.01"/>': '<text name="imu" data="imu rate_hz 200"/>',
+    '<site name="gnss" pos="0 0 0.05" size="0.01"/>':
+        '<text name="gnss" data="gnss rate_hz 5 correlated_sigma_m 0.6 correlation_s 30 white_sigma_m 0.3 '
+        'vertical_ratio 1.5"/>\n    <numeric name="world_origin" data="47.3769 8.5417 408"/>'}
 SEEDS, QUICK_SEEDS = 50, 3
 CONFIG = ROOT / "cfg/map_outdoor.yaml"
 MOST_RANGE_M = 20.0
@@ -226,6 +233,8 @@ class Thing:
         x, y, yaw = self.motion.at(np.zeros(1))[0]
         mocap = ' mocap="true"' if self.motion.text else ""
         shown = [self.xml, *(DECORATION if with_decoration and self.kind == "person" else ())]
+        if with_decoration and self.kind == "car":  # what the camera of that world tells from the rest
+            shown = [self.xml.replace(f'rgba="{COLORS["car"]}"', 'material="car"')]
         return [f'    <body name="{self.name}"{mocap} pos="{x:.4f} {y:.4f} {self.height_m:g}" euler="0 0 {yaw:.4f}">',
                 *(f"      {geom}" for geom in shown), "    </body>"]
 
@@ -527,10 +536,11 @@ class Scene:
                       *textwrap.wrap(about, 120, initial_indent=indent, subsequent_indent=indent)]
         lines += ['<mujoco model="site">', '  <compiler angle="radian"/>']
         if parts:
-            lines += ['  <include file="parts/scene.xml"/>', "", '  <statistic center="7 0 1" extent="24"/>', ""]
+            lines += ['  <include file="parts/scene.xml"/>', "", '  <statistic center="7 0 1" extent="24"/>', "",
+                      f'  <asset> <material name="car" rgba="{COLORS["car"]}"/> </asset>', ""]
         lines += ["  <custom>", f'    <numeric name="robot_drag" data="{DRAG_1_S:g}"/>',
                   f'    <text name="lidar" data="scanner {self.scanner_words()}"/>',
-                  *wrapped_text("robot", self.robot.text)]
+                  *(f'    {text}' for text in MORE_SENSORS.values() if parts), *wrapped_text("robot", self.robot.text)]
         for thing in self.things:
             if thing.text():
                 lines += wrapped_text(thing.name, thing.text())
@@ -551,6 +561,7 @@ class Scene:
         x, y, _ = self.robot.at(np.zeros(1))[0]
         lines += [f'    <body name="robot" mocap="true" pos="{x:.4f} {y:.4f} {ROBOT_HEIGHT_M}">',
                   f'      <site name="lidar" pos="0 0 {LIDAR_ABOVE_M}" size="0.01"/>',
+                  *(f'      {site}' for site in MORE_SENSORS if parts),
                   '      <geom group="2" type="box" size="0.2 0.2 0.04" rgba="0.15 0.15 0.17 1"/>', "    </body>",
                   "  </worldbody>", "</mujoco>", ""]
         return "\n".join(lines)
