@@ -23,7 +23,7 @@ void first_pose(benchmark::State& state) {
     double known = 0.0;
     for (std::uint64_t seed = 1; seed <= kHalls; ++seed) {
       const ReflectorHall hall(seed, static_cast<int>(state.range(0)));
-      ReflectorSearch search(hall.map, {});
+      ReflectorSearch search(hall.map);
       const double begin_us = thread_cpu_us();
       const ReflectorPose* pose = &search.find(hall.places);
       while (std::string(pose->reason) == "search not finished") pose = &search.find(hall.places);

@@ -113,10 +113,10 @@ std::vector<SyntheticScan> read_scans(const std::string& path) {
 /// Makes the scans, one after the other, from loops of simulated and of recorded ones.
 class Feed {
  public:
-  Feed(const Options& options, double reset_time_jump_s)
+  explicit Feed(const Options& options)
       : block_scans_(std::lround(options.block_s * kRate_hz)),
         bad_part_(options.bad_part),
-        max_back_s_(0.9 * reset_time_jump_s),
+        max_back_s_(0.9 * StampOrder::kResetTimeJump_s),
         random_(options.seed + 1) {
     constexpr int kBeams = 1081, kObjects = 12, kNoises = 16;
     const SyntheticScene scene(kBeams, kObjects, options.seed);
@@ -221,7 +221,7 @@ class Soak {
       : scans_(std::lround(options.hours * 3600.0 * Feed::kRate_hz)),
         params_(params),
         pipeline_(params),
-        feed_(options, params.objects.reset_time_jump_s),
+        feed_(options),
         times_(feed_.block_scans()),
         yardstick_(feed_.block_scans()) {
     pipeline_.map().trust_stamps();  // as nodelets and tools, whose input judges stamps by receipts

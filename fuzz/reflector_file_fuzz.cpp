@@ -46,7 +46,7 @@ void check_map(Input& input, const ReflectorMap& map) {
   for (const Reflector& reflector : map.reflectors) {
     places.push_back({place_of(T_world_frame, reflector.center_world_m), 1e-4 * Eigen::Matrix2d::Identity()});
   }
-  ReflectorSearch search(map, {});
+  ReflectorSearch search(map);
   const ReflectorPose& found = search.find(places);
   require(found.is_known == (*found.reason == '\0'), "a pose is known, or there is a reason");
   if (found.is_known) {

@@ -11,7 +11,6 @@
 #include "situation_awareness/ros/params/circumnavigate_nodelet_params.hpp"
 #include "situation_awareness/ros/params/gps_ins_nodelet_params.hpp"
 #include "situation_awareness/ros/params/grid_nodelet_params.hpp"
-#include "situation_awareness/ros/params/image_labelling_nodelet_params.hpp"
 #include "situation_awareness/ros/params/localization_nodelet_params.hpp"
 #include "situation_awareness/ros/params/map_nodelet_params.hpp"
 #include "situation_awareness/ros/params/object_nodelet_params.hpp"
@@ -43,11 +42,11 @@ which may have all. [cfg/splinegons.yaml](../cfg/splinegons.yaml) has `scan`, `s
     roslaunch situation_awareness map.launch kinds:=grid grid_config:=/path/to/my.yaml dem:=/path/to/dem.tif
 
 [cfg/map.yaml](../cfg/map.yaml) may have the sections of all but the grid. The first section are arguments of
-`map.launch` of the same names.
-`objects_bag`, `polygons_bag`, `splinegons_bag` and `grid_bag` take the same files by `--config`; `map_bag` takes one
-that may have the sections of all, and those of [cfg/grid.yaml](../cfg/grid.yaml) within a section `grid`. A value out of its bounds, or of
-another type, is refused with a message that names it. Parameters marked *live* can be changed while the nodelets run
-([ros.md](ros.md#live-parameters)).
+`map.launch` of the same names; what several nodelets read is in the second one, once. `objects_bag`,
+`polygons_bag`, `splinegons_bag` and `grid_bag` take the same files by `--config`; `map_bag` takes one that may have the
+sections of all, and those of [cfg/grid.yaml](../cfg/grid.yaml) within a section `grid`. A value out of its bounds, or of
+another type, is refused with a message that names it; a key that is none of these has no effect, and a warning says so.
+Parameters marked *live* can be changed while the nodelets run ([ros.md](ros.md#live-parameters)).
 )";
 
 /// Strings without quotes where YAML needs none.
@@ -63,15 +62,36 @@ std::string heading_of(const std::string& section) {
   return heading;
 }
 
-bool is_in(const std::vector<Parameter>& parameters, const std::string& section, const std::string& name) {
-  return std::any_of(parameters.begin(), parameters.end(), [&](const Parameter& parameter) {
-    return parameter.section == section && parameter.name == name;
-  });
-}
-
 bool has_section(const std::vector<Parameter>& parameters, const std::string& section) {
   return std::any_of(parameters.begin(), parameters.end(),
                      [&](const Parameter& parameter) { return parameter.section == section; });
+}
+
+/// Whether two nodelets declare the same parameter: one line of a launch file may serve both.
+bool is_same(const Parameter& a, const Parameter& b) {
+  return a.section == b.section && a.name == b.name && default_of(a) == default_of(b);
+}
+
+bool is_in(const std::vector<Parameter>& parameters, const Parameter& parameter) {
+  return std::any_of(parameters.begin(), parameters.end(),
+                     [&](const Parameter& other) { return is_same(other, parameter); });
+}
+
+/// The parameters at the top that several of the nodelets have and `before` has not, each once, as the first declares.
+std::vector<Parameter> common_of(const std::vector<std::vector<Parameter>>& nodelets,
+                                 const std::vector<Parameter>& before) {
+  std::vector<Parameter> common;
+  for (std::size_t i = 0; i < nodelets.size(); ++i) {
+    for (const Parameter& parameter : nodelets[i]) {
+      if (parameter.section.empty() && !parameter.doc.empty() && !is_in(before, parameter) &&
+          !is_in(common, parameter) &&
+          std::any_of(nodelets.begin() + static_cast<std::ptrdiff_t>(i) + 1, nodelets.end(),
+                      [&](const auto& other) { return is_in(other, parameter); })) {
+        common.push_back(parameter);
+      }
+    }
+  }
+  return common;
 }
 
 /// The parameters of a section but those that `before` has, too.
@@ -79,7 +99,7 @@ void print_section(const std::vector<Parameter>& parameters, const std::string& 
                    const std::vector<Parameter>& before) {
   std::printf("\n## %s\n\n| Name | Default | Bounds and unit | Live | |\n|---|---|---|---|---|\n", heading.c_str());
   for (const Parameter& parameter : parameters) {
-    if (parameter.section != section || is_in(before, section, parameter.name)) continue;
+    if (parameter.section != section || parameter.doc.empty() || is_in(before, parameter)) continue;
     const std::string range = parameter.bounds ? text_of(*parameter.bounds, parameter.unit) : "";
     std::printf("| `%s` | `%s` | %s | %s | %s |\n", parameter.name.c_str(), default_of(parameter).c_str(),
                 range.c_str(), parameter.live ? "live" : "", parameter.doc.c_str());
@@ -110,40 +130,46 @@ void print_all() {
   LocalizationNodeletParams localization_params;
   PathNodeletParams path_params;
   GpsInsNodeletParams gps_ins_params;
+  SplinegonPipelineParams splinegon_params;
+  MapNodeletParams map_params;
+  CircumnavigateNodeletParams mission_params;
+  GridNodeletParams grid_params;
+  ScoutNodeletParams scout_params;
   const std::vector<Parameter> of_objects = parameters_of(object_params);
   const std::vector<Parameter> of_polygons = parameters_of(polygon_params);
-  print_sections(of_objects, {});
-  print_sections(of_polygons, of_objects);
-  print_section(parameters_of(localization_params), "", "reflector_localization", of_objects);
+  const std::vector<Parameter> of_localization = parameters_of(localization_params);
   const std::vector<Parameter> of_path = parameters_of(path_params);
-  print_section(of_path, "", "safety_areas and path_following", of_objects);
-  print_sections(of_path, of_objects);
   const std::vector<Parameter> of_gps_ins = parameters_of(gps_ins_params);
-  print_section(of_gps_ins, "", "The nodelet gps_ins", of_objects);
-  print_sections(of_gps_ins, of_objects);
-  SplinegonPipelineParams splinegon_params;
   const std::vector<Parameter> of_splinegons = parameters_of(splinegon_params);
+  const std::vector<Parameter> of_map = parameters_of(map_params);
+  const std::vector<Parameter> of_mission = parameters_of(mission_params);
+  const std::vector<Parameter> of_grid = parameters_of(grid_params);
+  const std::vector<Parameter> of_scout = parameters_of(scout_params);
+  const std::vector<Parameter> common =
+      common_of({of_gps_ins, of_localization, of_path, of_map, of_mission, of_grid, of_scout}, of_objects);
+  std::vector<Parameter> printed = of_objects;  // at the top
+  printed.insert(printed.end(), common.begin(), common.end());
+
+  print_section(of_objects, "", heading_of(""), {});
+  print_section(common, "", "Common to several nodelets", {});
+  print_sections(of_objects, common);
+  print_sections(of_polygons, of_objects);
+  print_section(of_localization, "", "reflector_localization", printed);
+  print_section(of_path, "", "safety_areas and path_following", printed);
+  print_sections(of_path, of_objects);
+  print_section(of_gps_ins, "", "The nodelet gps_ins", printed);
+  print_sections(of_gps_ins, of_objects);
   std::vector<Parameter> before = of_polygons;
   before.insert(before.end(), of_gps_ins.begin(), of_gps_ins.end());
   print_sections(of_splinegons, before);
   before.insert(before.end(), of_splinegons.begin(), of_splinegons.end());
-  MapNodeletParams map_params;
-  const std::vector<Parameter> of_map = parameters_of(map_params);
-  print_section(of_map, "", "The one map", of_objects);
+  print_section(of_map, "", "The one map", printed);
   print_sections(of_map, before);
-  CircumnavigateNodeletParams mission_params;
-  const std::vector<Parameter> of_mission = parameters_of(mission_params);
-  print_section(of_mission, "", "The nodelet circumnavigate", of_objects);
+  print_section(of_mission, "", "The nodelet circumnavigate", printed);
   print_sections(of_mission, of_objects);
-  GridNodeletParams grid_params;
-  const std::vector<Parameter> of_grid = parameters_of(grid_params);
-  print_section(of_grid, "", "The semantic grid", of_objects);
+  print_section(of_grid, "", "The semantic grid", printed);
   print_sections(of_grid, of_objects);
-  ImageLabellingNodeletParams labelling_params;
-  print_section(parameters_of(labelling_params), "", "The nodelet image_labelling", of_objects);
-  ScoutNodeletParams scout_params;
-  const std::vector<Parameter> of_scout = parameters_of(scout_params);
-  print_section(of_scout, "", "The nodelet scout", of_objects);
+  print_section(of_scout, "", "The nodelet scout", printed);
   print_sections(of_scout, of_objects);
 }
 

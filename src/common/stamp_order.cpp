@@ -33,7 +33,7 @@ bool StampOrder::is_ahead(const Stamp& stamp) const {
   const double off_s = gap_s - seconds_between(latest_.received_ns, stamp.received_ns);
   if (off_s <= kLeast_s) return false;
   if (in_step_ >= kSteady && off_s > kOutOfStep_s) return true;
-  return gap_s > (gaps_ > 0 ? kPeriods * period_s_ : reset_time_jump_s_);
+  return gap_s > (gaps_ > 0 ? kPeriods * period_s_ : kResetTimeJump_s);
 }
 
 /// Whether it follows those that are doubted, within what they are off: two wrong ones rarely do.
@@ -104,7 +104,7 @@ StampOrder::Verdict StampOrder::judge(std::int64_t stamp_ns, std::int64_t receiv
     return Verdict::kNext;
   }
   if (stamp_ns <= latest_.stamp_ns) {
-    if (seconds_between(stamp_ns, latest_.stamp_ns) <= reset_time_jump_s_) {
+    if (seconds_between(stamp_ns, latest_.stamp_ns) <= kResetTimeJump_s) {
       doubted_ = 0;  // time goes on as before
       return Verdict::kRefused;
     }

@@ -288,7 +288,7 @@ Matrix5d laplace_covariance(const Problem& problem, const Vector5d& x) {
 void EllipseFitParams::validate() const {
   check_bounds(*this, "detections.fit");
   if (!(min_radius_m < max_radius_m)) {
-    throw std::invalid_argument("detections.fit.min_radius_m must be less than detections.fit.max_radius_m");
+    throw std::invalid_argument("detections.fit.max_radius_m must be greater than " + yaml_text(min_radius_m));
   }
 }
 

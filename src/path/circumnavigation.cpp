@@ -22,6 +22,15 @@
 namespace situation_awareness {
 namespace {
 
+// Where no source is named, none is recorded; the sensitivity of these was not measured.
+
+/// s. Longest time between plans.
+constexpr double kReplan_s = 1.0;
+/// m. Distance of the places of which it is remembered what was seen from there.
+constexpr double kSightSpacing_m = 2.0;
+/// Number of the places of which it is remembered what was seen from there.
+constexpr int kSights = 100;
+
 /// m. Of an orbit, for which a longer way is allowed to begin with: approaching it.
 constexpr double kShortOrbit_m = 100.0;
 /// s. A boundary that has just been closed may open again: its ends hardly overlap.
@@ -131,7 +140,7 @@ Circumnavigation::Circumnavigation(const CircumnavigationParams& params, const s
     : params_(params),
       search_(search),
       start_m_(start_world_m),
-      seen_(params.sight_spacing_m, static_cast<std::size_t>(params.sights)) {
+      seen_(kSightSpacing_m, static_cast<std::size_t>(kSights)) {
   params_.validate();
   constexpr std::size_t kUsualText = 160, kUsualSegments = 256;
   step_.reason.reserve(kUsualText);
@@ -184,7 +193,7 @@ bool Circumnavigation::is_known_already(const Splinegon& boundary) const {
 bool Circumnavigation::is_left(const Splinegon& boundary) {
   if (boundary.vertices.empty() || is_done(boundary) || is_given_up(boundary.id)) return false;
   Watched& known = *watched(boundary.id);
-  if (known.compared_ns == StampOrder::kNone || seconds_between(known.compared_ns, now_ns_) >= params_.replan_s) {
+  if (known.compared_ns == StampOrder::kNone || seconds_between(known.compared_ns, now_ns_) >= kReplan_s) {
     known.compared_ns = now_ns_;
     known.twice = is_known_already(boundary);
   }
@@ -520,7 +529,7 @@ const MissionStep& Circumnavigation::step(const MissionInput& given) {
   }
   const double since_plan_s = seconds_between(planned_ns_, now_ns_);
   const bool is_done = !has_target_ && is_finished_;
-  const bool due = since_plan_s >= (holds_ ? 0.5 : 1.0) * params_.replan_s;
+  const bool due = since_plan_s >= (holds_ ? 0.5 : 1.0) * kReplan_s;
   bool wants = task_is_new_ || path_.segments.empty() || (!holds_ && told.arrived) ||
                (due && (needs_plan_ || holds_ || has_target_));
   task_is_new_ = false;

@@ -12,6 +12,13 @@
 namespace situation_awareness {
 namespace {
 
+// Where no source is named, none is recorded; the sensitivity of these was not measured.
+
+/// So many of the vehicle's radii beside the path it heads for the path at 45 degrees.
+constexpr double kApproachRadii = 2.5;
+/// Curvature, in units of the greatest one, for each rad of error of heading.
+constexpr double kGainHeadingRadii = 2.0;
+
 /// Errors of rounding in sums of lengths.
 constexpr double kAtEnd_m = 1e-6;
 
@@ -68,11 +75,11 @@ DubinsFollowingResult follow_path(const AnyPath& path, const DubinsFollowingPara
   // The reference moves with cos theta_e / (1 - kappa y_e) of the vehicle's speed.
   const double reference_1_m = kappa_r * std::cos(result.error.heading_rad) /
                                std::max(1.0 - reference.curvature_1_m * result.error.across_m, 0.2);
-  const double heading_rad = -std::atan(result.error.across_m * K / params.approach_radii);
+  const double heading_rad = -std::atan(result.error.across_m * K / kApproachRadii);
   const double turn_rad = wrap_to_pi(result.error.heading_rad - heading_rad);
   // Of the heading, to turn the course by one rad; and so much less a vehicle can turn at its least radius.
   const double turns = params.airspeed_m_s > 0.0 && speed_m_s > 0.0 ? speed_m_s / params.airspeed_m_s : 1.0;
-  const double curvature_1_m = turns * (reference_1_m - params.gain_heading_radii * K * turn_rad);
+  const double curvature_1_m = turns * (reference_1_m - kGainHeadingRadii * K * turn_rad);
   result.curvature_1_m = std::clamp(curvature_1_m, -K / turns, K / turns);
   return result;
 }

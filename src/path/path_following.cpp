@@ -12,6 +12,11 @@
 namespace situation_awareness {
 namespace {
 
+// Where no source is named, none is recorded; the sensitivity of these was not measured.
+
+/// 1/s. Gain of turns on the spot.
+constexpr double kTurnOnSpotGain_1_s = 1.5;
+
 using FollowingState = PathFollowingResult::State;
 
 constexpr double kLimitStep_m = 0.05;
@@ -42,11 +47,11 @@ void PathFollowingParams::validate() const {
   }
 }
 
-Velocity controlled(const FollowingError& error, const Velocity& reference, const PathFollowingParams& params) {
+Velocity controlled(const FollowingError& error, const Velocity& reference) {
   const double u1r = reference.speed_m_s;
-  return {u1r - params.gain_along_1_m * std::abs(u1r) * error.along_m,
-          reference.turn_rate_rad_s - params.gain_across_1_m2 * u1r * error.across_m -
-              params.gain_heading_1_m * std::abs(u1r) * std::tan(error.heading_rad)};
+  return {u1r - kGainAlong_1_m * std::abs(u1r) * error.along_m,
+          reference.turn_rate_rad_s - kGainAcross_1_m2 * u1r * error.across_m -
+              kGainHeading_1_m * std::abs(u1r) * std::tan(error.heading_rad)};
 }
 
 PathFollowing::PathFollowing(const Path& path, const VehicleParams& vehicle, const PathFollowingParams& params,
@@ -215,10 +220,10 @@ void PathFollowing::drive(double allowed_m_s, double slowing_m_s2, double period
   const double ahead_m_s =
       u1r * std::cos(result_.error.heading_rad) / std::max(1.0 - kappa * result_.error.across_m, 0.2);
   // The vehicle heads for the path at no more than 45 degrees, whatever its distance.
-  const double most_across_m = params_.gain_heading_1_m / params_.gain_across_1_m2;
+  const double most_across_m = kGainHeading_1_m / kGainAcross_1_m2;
   FollowingError error = result_.error;
   error.across_m = std::clamp(error.across_m, -most_across_m, most_across_m);
-  Velocity wanted = controlled(error, {u1r, 0.0}, params_);
+  Velocity wanted = controlled(error, {u1r, 0.0});
   wanted.turn_rate_rad_s += kappa * ahead_m_s;
 
   double speed_m_s = std::clamp(wanted.speed_m_s, 0.0, std::max(limit_m_s, u1r));
@@ -235,7 +240,7 @@ void PathFollowing::turn(bool may_turn, double slowing_m_s2, double period_s) {
   const bool stands = result_.command.speed_m_s < kAtRest_m_s;
   double rate_rad_s = 0.0;
   if (may_turn && stands) {
-    rate_rad_s = std::min({params_.turn_gain_1_s * std::abs(error_rad), vehicle_.max_turn_rate_rad_s,
+    rate_rad_s = std::min({kTurnOnSpotGain_1_s * std::abs(error_rad), vehicle_.max_turn_rate_rad_s,
                            std::sqrt(vehicle_.turn_acceleration_rad_s2 * std::abs(error_rad))});
   }
   command(0.0, slowing_m_s2, turn_sign_ * rate_rad_s, period_s);

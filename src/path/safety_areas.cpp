@@ -16,6 +16,11 @@
 namespace situation_awareness {
 namespace {
 
+// Where no source is named, none is recorded; the sensitivity of these was not measured.
+
+/// s. The same of the measured speed: without it the vehicle counts as driving at its greatest one.
+constexpr double kMaxSpeedAge_s = 0.5;
+
 using DecidedVerdict = SafetyDecision::Verdict;
 using DecidedKind = SafetyDecision::Kind;
 constexpr double kRimSpacing_m = 0.05;  // of places on the outline of the footprint, for the polygons
@@ -186,7 +191,7 @@ bool SafetyAreas::is_fresh(const Map& map) const {
 /// What is not measured may be as fast as the vehicle can.
 double SafetyAreas::known_speed_m_s(const VehicleState& vehicle) {
   const bool is_known = std::isfinite(vehicle.speed_m_s) &&
-                        (!vehicle.speed_stamp_ns || is_fresh(*vehicle.speed_stamp_ns, params_.max_speed_age_s));
+                        (!vehicle.speed_stamp_ns || is_fresh(*vehicle.speed_stamp_ns, kMaxSpeedAge_s));
   if (is_known) return std::abs(vehicle.speed_m_s);
   decision_.missing.push_back(SafetyInput::kSpeed);
   return vehicle_.max_speed_m_s;

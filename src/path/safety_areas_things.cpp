@@ -17,6 +17,13 @@
 namespace situation_awareness {
 namespace {
 
+// Where no source is named, none is recorded; the sensitivity of these was not measured.
+
+/// m. A hit is on a chain or an object that is so near, and nearer than sigmas of both.
+constexpr double kExplain_m = 0.08;
+/// s. What counted and is out of view since counts for so long.
+constexpr double kCountedMemory_s = 3.0;
+
 // A place is seen if one of these beams gets there: a shadow as narrow as that of a lost beam hides nobody.
 constexpr int kBeamsToEachSide = 2;
 constexpr double kForgetTolerance_m = 0.1;
@@ -47,7 +54,7 @@ bool may_move(const Feature& feature) {
 
 /// A hit on an edge is so near to it.
 double reach_of_m(const ChainVertex& from, const ChainVertex& to, const SafetyParams& params) {
-  return std::min(params.explain_m + params.sigmas * std::max(from.sigma_m, to.sigma_m), kMostExplain_m);
+  return std::min(kExplain_m + params.sigmas * std::max(from.sigma_m, to.sigma_m), kMostExplain_m);
 }
 
 }  // namespace
@@ -205,9 +212,9 @@ void SafetyAreas::explain(Thing& thing) const {
   };
   const Mover* standing = nullptr;
   for (const Mover& mover : movers_) {
-    const double most_m = std::max(mover.ellipse.rx_m, mover.ellipse.ry_m) + params_.explain_m;
+    const double most_m = std::max(mover.ellipse.rx_m, mover.ellipse.ry_m) + kExplain_m;
     if ((thing.p_world_m - mover.ellipse.center_m).squaredNorm() > most_m * most_m) continue;
-    if (offset_m(mover.ellipse, thing.p_world_m) > params_.explain_m) continue;
+    if (offset_m(mover.ellipse, thing.p_world_m) > kExplain_m) continue;
     if (mover.weight == Weight::kMayMove) return take(mover.weight, SafetyDecision::Kind::kObject, mover.id);
     standing = &mover;
   }
@@ -323,7 +330,7 @@ void SafetyAreas::recall(const Points& points) {
   const Pose2 T_level_world = inverse(points.T_world_level);
   const auto forget = [&](const Remembered& place) {
     const double age_s = seconds_between(place.stamp_ns, points.stamp_ns);
-    if (age_s < 0.0 || age_s > params_.memory_s) return true;
+    if (age_s < 0.0 || age_s > kCountedMemory_s) return true;
     const Eigen::Vector2d p_level_m = T_level_world * place.p_world_m;
     if (seen_range_m(points, p_level_m) >= p_level_m.norm() - kForgetTolerance_m) return true;
     Thing thing;

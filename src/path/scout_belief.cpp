@@ -9,6 +9,11 @@
 namespace situation_awareness {
 namespace {
 
+// Where no source is named, none is recorded; the sensitivity of these was not measured.
+
+/// Images of a target in full view, after which it is found by 1 - 1/e.
+constexpr double kImagesUntilFound = 4.0;
+
 constexpr double kSame_m = 4.0;       ///< a cluster that is so near to one before is that
 constexpr double kFarQuality = 0.25;  ///< of an image at the end of the range, where a target is small
 constexpr double kLeastHeight_m = 0.5;
@@ -124,7 +129,7 @@ double ScoutBelief::look_at(Place& place, const Cone& cone, const Eigen::Vector2
   const double part = distance_m / camera_.range_m;
   const double quality = part < 0.5 ? 1.0 : 1.0 - (1.0 - kFarQuality) * (2.0 * part - 1.0);
   const double now = static_cast<double>(found) +
-                     (clear - static_cast<double>(found)) * (1.0 - std::exp(-quality * images / camera_.images));
+                     (clear - static_cast<double>(found)) * (1.0 - std::exp(-quality * images / kImagesUntilFound));
   const double left = place.left * (1.0 - now) / (1.0 - static_cast<double>(found));
   const double gain = place.expected * (place.left - left);
   place.left = left;

@@ -13,6 +13,17 @@
 namespace situation_awareness {
 namespace {
 
+// Where no source is named, none is recorded; the sensitivity of these was not measured.
+
+/// Worth of a close-up, in targets that are found.
+constexpr double kCloseUpGain = 0.3;
+/// Targets that a way point is expected to find at least; for less the vehicle goes home.
+constexpr double kLeastStopGain = 0.05;
+/// s. What is found so much later is worth 1/e.
+constexpr double kHaste_s = 100.0;
+/// m. Edge of the cells in which targets are expected.
+constexpr double kBeliefCell_m = 10.0;
+
 constexpr double kLattice_m = 5.0;             ///< of the ways around obstacles
 constexpr double kBeside_m = 40.0;             ///< that ways may lead beside the region
 constexpr double kMostLattice = 300.0;         ///< nodes along an edge, of large regions
@@ -55,10 +66,10 @@ void ScoutingParams::validate() const {
         "scouting.close_up_height_m over scouting.close_up_m must be a slope within the camera's "
         "vertical_field_of_view_rad");
   }
-  const double columns = (region.x_max_world_m - region.x_min_world_m) / cell_m;
-  const double rows = (region.y_max_world_m - region.y_min_world_m) / cell_m;
+  const double columns = (region.x_max_world_m - region.x_min_world_m) / kBeliefCell_m;
+  const double rows = (region.y_max_world_m - region.y_min_world_m) / kBeliefCell_m;
   if (!(columns * rows <= 1e5))
-    throw std::invalid_argument("scouting.cell_m must give at most 1e5 cells of the region");
+    throw std::invalid_argument("scouting.region must not have more than 1e5 cells of 10 m by 10 m");
 }
 
 const char* name_of(ScoutingState state) {
@@ -96,7 +107,7 @@ Scouting::Scouting(const ScoutingParams& params, const Eigen::Vector3d& home_wor
     : params_((params.validate(), params)),
       home_m_(home_world_m),
       ground_(std::move(ground_world_m)),
-      belief_(params.camera, low_of(params.region), high_of(params.region), params.cell_m, params.expected_targets),
+      belief_(params.camera, low_of(params.region), high_of(params.region), kBeliefCell_m, params.expected_targets),
       ways_((home_world_m.allFinite() ? void() : throw std::invalid_argument("home is not finite"),
              ways_of(params, home_world_m.head<2>()))),
       random_(static_cast<std::uint64_t>(params.seed)),
@@ -241,8 +252,8 @@ bool Scouting::evaluate(Plan& plan, const From& from, double left_s) {
       break;
     }
     t_s += leg_s;
-    if (stop.target != 0) gain += params_.close_up_gain;
-    plan.worth += gain * std::exp(-t_s / params_.haste_s);
+    if (stop.target != 0) gain += kCloseUpGain;
+    plan.worth += gain * std::exp(-t_s / kHaste_s);
     at = {stop.p_world_m, stop.yaw_rad, stop.height_m};
   }
   return !plan.stops.empty();
@@ -302,7 +313,7 @@ Scouting::Plan Scouting::random_plan(const From& from, double left_s) {
       ScoutBelief trial = belief;
       double leg_s = 0.0;
       const double gain = look_along(trial, at, stop, way_m, &leg_s) + extra;
-      if (gain < params_.least_gain || gain / leg_s <= best_rate) return;
+      if (gain < kLeastStopGain || gain / leg_s <= best_rate) return;
       if (t_s + leg_s + home_s(stop.p_world_m, stop.height_m) + params_.margin_s > left_s) return;
       best = stop;
       best_rate = gain / leg_s;
@@ -310,7 +321,7 @@ Scouting::Plan Scouting::random_plan(const From& from, double left_s) {
     };
     for (const Known* known : pending) {
       const std::optional<ScoutStop> stop = close_up_stop(*known, at.p_m);
-      if (stop) consider(*stop, params_.close_up_gain);
+      if (stop) consider(*stop, kCloseUpGain);
     }
     for (int i = 0; i < kCandidates; ++i) {
       const std::optional<ScoutStop> stop = random_stop(at.p_m, at.yaw_rad);
@@ -403,7 +414,7 @@ void Scouting::make_plan(const From& from, double left_s) {
     double leg_s = 0.0;
     const ScoutStop& first = best.stops.front();
     const double gain = look_along(belief, from, first, ways_.length_m(from.p_m, first.p_world_m), &leg_s);
-    if (first.target == 0 && gain < params_.least_gain && best.worth < params_.least_gain) best.stops.clear();
+    if (first.target == 0 && gain < kLeastStopGain && best.worth < kLeastStopGain) best.stops.clear();
     stop_due_s_ = step_.elapsed_s + kLate * leg_s + kLate_s;
   }
   route_ = std::move(best.stops);

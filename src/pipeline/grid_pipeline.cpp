@@ -25,10 +25,8 @@ bool is_known_well_enough(const CameraPoseCovariance& covariance, const CameraPo
 
 }  // namespace
 
-GridPipeline::GridPipeline(const GridPipelineParams& params, std::shared_ptr<const Elevation> elevation,
-                           double reset_time_jump_s)
+GridPipeline::GridPipeline(const GridPipelineParams& params, std::shared_ptr<const Elevation> elevation)
     : params_((params.validate(), params.pose.validate(), params)),
-      order_(reset_time_jump_s),
       elevation_(std::move(elevation)),
       map_(params.grid, elevation_),
       tracks_(params.targets),

@@ -12,6 +12,13 @@
 namespace situation_awareness {
 namespace {
 
+// Where no source is named, none is recorded; the sensitivity of these was not measured.
+
+/// m. An object moves once it has travelled so far, and three standard deviations of its position.
+constexpr double kMinTravel_m = 0.25;
+/// m/s. An object that is slower stands.
+constexpr double kMinSpeed_m_s = 0.1;
+
 /// Probability of moving from which on an element surely moves, and that down to which it goes on.
 constexpr double kSurelyMoves = 0.95;
 constexpr double kStillMoves = 0.5;
@@ -74,7 +81,7 @@ bool MovingObjects::is_mover(const Followed& followed) const {
 
 bool MovingObjects::is_fast(const Object& object) const {
   const Eigen::Vector2d& v = object.velocity_world_m_s;
-  if (v.norm() < params_.min_speed_m_s) return false;
+  if (v.norm() < kMinSpeed_m_s) return false;
   const Eigen::Matrix2d P = object.covariance.block<2, 2>(object_error::kVelocity, object_error::kVelocity);
   // v' P^-1 v > q, without a division by a determinant that may be zero.
   const double across = P(1, 1) * v.x() * v.x() - 2.0 * P(0, 1) * v.x() * v.y() + P(0, 0) * v.y() * v.y();
@@ -192,8 +199,7 @@ void MovingObjects::follow(Followed& followed, const Object& object, const FreeS
   if (followed.moves) {
     const bool is_one = is_mover(followed);
     const double sigma_m = std::sqrt(followed.began_variance_m2 + variance_m2);
-    bool has_travelled =
-        (center_m - followed.began_world_m).norm() >= std::max(params_.min_travel_m, kTravelSigmas * sigma_m);
+    bool has_travelled = (center_m - followed.began_world_m).norm() >= std::max(kMinTravel_m, kTravelSigmas * sigma_m);
     if (has_travelled && !is_one && is_still_there(followed, free_space, T_world_level)) {
       has_travelled = false;
       begin_way(followed, object);

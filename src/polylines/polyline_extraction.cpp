@@ -15,6 +15,14 @@
 namespace situation_awareness {
 namespace {
 
+// Where no source is named, none is recorded; the sensitivity of these was not measured.
+
+/// rad. At an end beside background, a hit behind its neighbour at less than this angle to the beam is a mixture of
+/// both surfaces.
+constexpr double kMinIncidence_rad = 0.35;
+/// m. Standard deviation of the ranges, where a scan has too few hits to show it.
+constexpr double kRangeSigma_m = 0.012;
+
 constexpr const char* kMixed = "between two surfaces";
 /// Edges that turn by less at a vertex have no intersection that is worth anything.
 constexpr double kMinTurn_rad = 0.15;
@@ -161,8 +169,7 @@ class Extraction {
       const std::size_t i = work_.corners[k];
       if (work_.corners[k + 1] != i + 1) continue;
       const Eigen::Vector2d step_m = points[i + 1].p_level_m - points[i].p_level_m;
-      if (step_m.norm() > kShortStep_m &&
-          sine_between(step_m, points[i].p_level_m) < std::sin(params_.min_incidence_rad)) {
+      if (step_m.norm() > kShortStep_m && sine_between(step_m, points[i].p_level_m) < std::sin(kMinIncidence_rad)) {
         return i;
       }
     }
@@ -191,7 +198,7 @@ class Extraction {
     const auto is_mixed = [&](std::size_t end, std::size_t beside) {
       const Eigen::Vector2d step_m = points[end].p_level_m - points[beside].p_level_m;
       return points[end].range_m > points[beside].range_m + kMixedSigmas * result_.range_sigma_m &&
-             sine_between(step_m, points[end].p_level_m) < std::sin(params_.min_incidence_rad);
+             sine_between(step_m, points[end].p_level_m) < std::sin(kMinIncidence_rad);
     };
     if (count > 2 && right_end == SegmentEnd::kBackground && is_mixed(first, first + 1)) {
       ++first;
@@ -313,7 +320,7 @@ Polylines extract_polylines(const Segments& segments, const PolylineParams& para
   result.T_world_level = segments.T_world_level;
   result.height_world_m = segments.height_world_m;
   result.resolution_rad = segments.resolution_rad;
-  result.range_sigma_m = segments.range_sigma_m > 0.0 ? segments.range_sigma_m : params.range_sigma_m;
+  result.range_sigma_m = segments.range_sigma_m > 0.0 ? segments.range_sigma_m : kRangeSigma_m;
   result.hits.clear();
   result.vertices.clear();
   result.polylines.clear();

@@ -13,6 +13,17 @@
 namespace situation_awareness {
 namespace {
 
+// Where no source is named, none is recorded; the sensitivity of these was not measured.
+
+/// rad. Angle at the start between gravity and the base's z, beyond which the IMU must be mounted otherwise than said.
+constexpr double kMaxTilt_rad = 0.5;
+/// s. Roll and pitch are taken from gravity without standing or flying level after this time.
+constexpr double kLevelWait_s = 5.0;
+/// Of the variance of a fix, that of errors that are correlated in time, until it is learnt; the rest is white.
+constexpr double kFixCorrelatedShare = 0.5;
+/// s. Time after which 1/e of them is left, until it is learnt.
+constexpr double kFixCorrelation_s = 20.0;
+
 using namespace navigation_error;
 
 constexpr std::size_t kMeasurements = 256;  ///< kept at most
@@ -102,10 +113,8 @@ GpsInsModel model_of(const GpsInsParams& params, const GpsInsMounting& mounting)
   model.noise = params.imu;
   model.antenna_imu_m = mounting.antenna_base_m - mounting.T_base_imu.translation();
   model.imu_base_m = mounting.T_base_imu.translation();
-  model.gate_probability = params.gate_probability;
   model.min_fix_sigma_m = params.min_fix_sigma_m;
   model.fix_stamp_sigma_s = params.fix_stamp_sigma_s;
-  model.recover_after_s = params.recover_after_s;
   model.standing_turn_rad_s = params.standing_turn_rad_s;
   return model;
 }
@@ -129,7 +138,6 @@ GpsIns::GpsIns(const GpsInsParams& params, const GpsInsMounting& mounting, std::
       mounting_(mounting),
       origin_(origin),
       model_(model_of(params, mounting)),
-      order_(params.reset_time_jump_s),
       imu_((params.validate(), params.max_delay_s + kLevelWindow_s + kHistoryMargin_s), kMaxImuRate_hz,
            standing_change(params.standing_turn_rad_s, params.imu)),
       monitors_{NisMonitor(3), NisMonitor(1), NisMonitor(1), NisMonitor(1), NisMonitor(1)} {
@@ -508,7 +516,7 @@ bool GpsIns::try_start() {
   measurements_[last - 1].is_counted = true;
   if (!is_steady) {
     if (waiting_since_ns_ == StampOrder::kNone) waiting_since_ns_ = fix.stamp_ns;
-    if (seconds_between(waiting_since_ns_, fix.stamp_ns) < params_.level_wait_s) {
+    if (seconds_between(waiting_since_ns_, fix.stamp_ns) < kLevelWait_s) {
       reason_ = kTurning;
       return false;
     }
@@ -520,7 +528,7 @@ bool GpsIns::try_start() {
     reason_ = kNotGravity;
     return false;
   }
-  if (std::acos(std::clamp(up.z() / up.norm(), -1.0, 1.0)) > params_.max_tilt_rad) {
+  if (std::acos(std::clamp(up.z() / up.norm(), -1.0, 1.0)) > kMaxTilt_rad) {
     reason_ = kAskew;
     return false;
   }
@@ -555,7 +563,7 @@ bool GpsIns::try_start() {
     start.x.motion.q_world_imu = Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitZ()) * level;
     start.x.motion.position_world_m = fix.value - start.x.motion.q_world_imu * model_.antenna_imu_m;
     const auto place = static_cast<std::size_t>(i);
-    fix_noises_[place] = {params_.fix_correlated_share, params_.fix_correlation_s};
+    fix_noises_[place] = {kFixCorrelatedShare, kFixCorrelation_s};
     filters_[place].set_fix_noise(fix_noises_[place]);
     filters_[place].start(fix.stamp_ns - 1, start, imu_);
   }
@@ -583,9 +591,9 @@ void GpsIns::align() {
   const std::int64_t stamp_ns = filters_[first].stamp_ns();
   const Estimate<GpsInsState> estimate = mixed(stamp_ns);
   if (vertical_variance(estimate.x.motion.q_world_imu, estimate.P) > limit) return;
-  used_ = params_.learn_fix_noise ? kFixNoises.size() : 1;
+  used_ = kFixNoises.size();
   for (std::size_t i = 0; i < used_; ++i) {
-    if (params_.learn_fix_noise) fix_noises_[i] = kFixNoises[i];
+    fix_noises_[i] = kFixNoises[i];
     filters_[i].set_fix_noise(fix_noises_[i]);
     filters_[i].start(stamp_ns, estimate, imu_, true);
   }

@@ -27,7 +27,7 @@ GpsInsBacklog::GpsInsBacklog(const GpsInsParams& params, const GpsInsMounting& m
 void GpsInsBacklog::add_imu(const InertialSample& sample) {
   if (!sample.specific_force_m_s2.allFinite() || !sample.angular_velocity_rad_s.allFinite()) return;
   if (latest_ns_ != StampOrder::kNone && sample.stamp_ns <= latest_ns_) {
-    if (seconds_between(sample.stamp_ns, latest_ns_) <= params_.reset_time_jump_s) return;
+    if (seconds_between(sample.stamp_ns, latest_ns_) <= StampOrder::kResetTimeJump_s) return;
     entries_.clear();
   }
   latest_ns_ = sample.stamp_ns;

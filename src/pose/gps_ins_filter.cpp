@@ -12,6 +12,16 @@
 namespace situation_awareness {
 namespace {
 
+// Where no source is named, none is recorded; the sensitivity of these was not measured.
+
+/// Standard deviation of the accelerometer's scale and of the angles between its axes; it makes the height uncertain
+/// where force changes in direction or size.
+constexpr double kAccelerometerScaleSigma = 0.003;
+/// Probability that a true measurement is used.
+constexpr double kMeasurementGateProbability = 0.9999;
+/// s. The pose is doubted instead of the fixes if none was used for this time.
+constexpr double kRecoverAfter_s = 10.0;
+
 using namespace navigation_error;
 constexpr int kFixError = Manifold<GpsInsState>::kFixError;
 
@@ -231,7 +241,7 @@ GpsInsFilter::GpsInsFilter(const GpsInsModel& model, const FixNoise& fix_noise, 
     : model_(model), fix_noise_(fix_noise), moments_(moments) {
   gates_.push_back(0.0);
   for (int rows = 1; rows <= GpsInsCorrection::kMaxRows; ++rows) {
-    gates_.push_back(chi_square_quantile(model.gate_probability, rows));
+    gates_.push_back(chi_square_quantile(kMeasurementGateProbability, rows));
   }
 }
 
@@ -338,7 +348,7 @@ ErrorMatrix<GpsInsState> GpsInsFilter::predicted_covariance(const Moment& moment
   const YawEffect effect = leave_out_insignificant(motion, q_before, P, noise);
   shown_share = effect.share_left;
   ErrorMatrix<GpsInsState> result = moved_covariance(P, motion, noise, fix_noise_.correlation_s);
-  const double scale_m_s2 = noise.accelerometer_scale_sigma * moment.force_change_m_s2;
+  const double scale_m_s2 = kAccelerometerScaleSigma * moment.force_change_m_s2;
   const Eigen::Vector3d up_body = moment.estimate.x.motion.q_world_imu.conjugate() * Eigen::Vector3d::UnitZ();
   result.block<3, 3>(kAccelerometerBias, kAccelerometerBias) +=
       2.0 / kForceChange_s * scale_m_s2 * scale_m_s2 * motion.duration_s * up_body * up_body.transpose();
@@ -405,7 +415,7 @@ bool GpsInsFilter::is_doubted(Moment& moment, const Eigen::Vector3d& nu, const E
     return false;
   }
   if (moment.rejected > kMinRefusedFixes &&
-      seconds_between(moment.rejected_since_ns, moment.stamp_ns) > model_.recover_after_s) {
+      seconds_between(moment.rejected_since_ns, moment.stamp_ns) > kRecoverAfter_s) {
     return true;
   }
   if (moment.outage_s == 0.0) return false;

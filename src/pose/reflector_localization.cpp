@@ -15,6 +15,36 @@
 namespace situation_awareness {
 namespace {
 
+// Where no source is named, none is recorded; the sensitivity of these was not measured.
+
+/// Probability that a sighting is inside the gate of the reflector that it is of.
+constexpr double kSightingGateProbability = 0.999;
+/// A match is ambiguous if other matches contradict it whose cost, the sum of squared Mahalanobis distances and of the
+/// gate for each sighting left unmatched, is not higher by this.
+constexpr double kMatchAdvantage = 6.0;
+/// m. Standard deviation of a reflector's place about that of its sighting, apart from the scanner's errors.
+constexpr double kModelSigma_m = 0.001;
+/// m. A reflector is missing only where it should be seen nearer than this.
+constexpr double kMaxView_m = 8.0;
+/// A reflector is missing after so many scans with beams through its place, less those that saw it.
+constexpr int kMissingScans = 25;
+/// A reflector is moved after so many scans in a row that saw one standing near its place instead.
+constexpr int kMovedScans = 25;
+/// m. A reflector that moved farther is a missing one.
+constexpr double kMaxMove_m = 1.0;
+/// The pose is searched for anew after so many scans in a row that contradict it.
+constexpr int kLostScans = 12;
+/// m. Error added to the position, in each direction, by a scan that contradicts it.
+constexpr double kLostSigma_m = 0.03;
+/// rad. Error added to the yaw by a scan that contradicts it.
+constexpr double kLostSigma_rad = 0.02;
+/// A search uses what has been seen standing in so many scans of the last seconds.
+constexpr int kSearchScans = 3;
+/// 1/sqrt(m). Random change of the constant errors, by distance, of that of turns by turning in rad.
+constexpr double kScaleDrift = 0.001;
+/// 1/sqrt(m). The same in proportion to the errors: wheels that are wrong by more change by more.
+constexpr double kRelativeDrift = 0.2;
+
 /// Matches of a scan that are tried before it is given up as ambiguous; without false sightings a few per reflector.
 constexpr int kMaxNodes = 3000;
 /// Assignments that are kept to tell whether a match is ambiguous.
@@ -77,7 +107,6 @@ void ReflectorLocalizationParams::validate() const {
   check_bounds(*this, "localization");
   wheels.validate();
   odometry.validate();
-  search.validate();
 }
 
 // --- models ----------------------------------------------------------------------------------------------------------
@@ -141,7 +170,7 @@ Eigen::Matrix<double, 6, 6> odometry_noise(const Pose2& u, const WheelErrorParam
   const double turn_rad = std::abs(wrap_to_pi(u.yaw_rad));
   const auto variance = [](double noise, double way) { return noise * noise * way; };
   const auto drift = [&](double error, double way) {
-    return variance(params.scale_drift, way) + variance(params.relative_drift * error, way);
+    return variance(kScaleDrift, way) + variance(kRelativeDrift * error, way);
   };
   Eigen::Matrix<double, 6, 1> diagonal;
   diagonal << variance(params.distance_noise, distance_m), variance(params.lateral_noise, distance_m),
@@ -153,14 +182,9 @@ Eigen::Matrix<double, 6, 6> odometry_noise(const Pose2& u, const WheelErrorParam
 // --- poses -----------------------------------------------------------------------------------------------------------
 
 ReflectorLocalization::ReflectorLocalization(const ReflectorMap& map, const ReflectorLocalizationParams& params)
-    : map_(map),
-      params_(params),
-      gate_(0.0),
-      track_(params.odometry),
-      scans_(params.odometry.reset_time_jump_s),
-      search_(map, params.search) {
+    : map_(map), params_(params), gate_(0.0), track_(params.odometry), search_(map) {
   params_.validate();
-  gate_ = chi_square_quantile(params_.gate_probability, 2);
+  gate_ = chi_square_quantile(kSightingGateProbability, 2);
   const std::size_t n = map_.reflectors.size();
   for (const Reflector& reflector : map_.reflectors) mean_radius_m_ += reflector.radius_m / static_cast<double>(n);
   for (const Reflector& reflector : map_.reflectors) {
@@ -405,7 +429,7 @@ const ReflectorUpdate& ReflectorLocalization::update(const ReflectorSightings& s
     search_.begin_anew();
   } else {
     collect(sightings, now);
-    const bool is_due = contradicted_ >= params_.lost_scans || doubtful_ >= params_.lost_scans;
+    const bool is_due = contradicted_ >= kLostScans || doubtful_ >= kLostScans;
     if (!is_known_ || is_due) search(now);
   }
   if (is_known_) {
@@ -463,7 +487,7 @@ bool ReflectorLocalization::is_possible(const ReflectorSightings& sightings, con
   possible.z << fit.fit.range_m, fit.fit.azimuth_rad;
   possible.R = fit.fit.covariance;
   possible.white = fit.fit.white;
-  const double model_m2 = params_.model_sigma_m * params_.model_sigma_m;
+  const double model_m2 = kModelSigma_m * kModelSigma_m;
   possible.R(0, 0) += model_m2;
   possible.R(1, 1) += model_m2 / (fit.fit.range_m * fit.fit.range_m);
   // To first order errors of odometry since the stamp act as one of the pose at the stamp, turned by the motion.
@@ -532,7 +556,7 @@ void ReflectorLocalization::associate() {
     const int reflector = best.reflector_of[k];
     if (reflector < 0) continue;
     const bool is_contested = std::any_of(leaves_.begin(), leaves_.end(), [&](const Leaf& leaf) {
-      if (leaf.cost > best.cost + params_.min_advantage) return false;
+      if (leaf.cost > best.cost + kMatchAdvantage) return false;
       if (leaf.reflector_of[k] >= 0 && leaf.reflector_of[k] != reflector) return true;
       for (std::size_t m = 0; m < seen_.size(); ++m) {
         if (m != k && leaf.reflector_of[m] == reflector) return true;
@@ -561,7 +585,7 @@ void ReflectorLocalization::try_sighting(std::size_t k, const Estimate<Reflector
     return;
   }
   // Each sighting to come may at best be matched without any distance.
-  const auto is_hopeless = [&](double so_far) { return so_far > best_cost_ + params_.min_advantage; };
+  const auto is_hopeless = [&](double so_far) { return so_far > best_cost_ + kMatchAdvantage; };
   if (is_hopeless(cost)) return;
   const Seen& seen = seen_[k];
   for (std::size_t i = seen.first; i < seen.first + seen.count; ++i) {
@@ -793,7 +817,7 @@ bool ReflectorLocalization::is_seen_through(const ReflectorSightings& sightings,
     const double part = (azimuth_rad - azimuths.front()) / static_cast<double>(azimuths.back() - azimuths.front());
     time_s = sightings.free_begin_s + std::min(1.0, part) * (sightings.free_end_s - sightings.free_begin_s);
   }
-  if (z(0) > params_.max_view_m || z(0) < known.radius_m + 0.1) return false;
+  if (z(0) > kMaxView_m || z(0) < known.radius_m + 0.1) return false;
   const Eigen::Matrix2d HPH = transformed(H, at_stamp_.P);
   const double half_rad = std::asin(std::min(1.0, known.radius_m / z(0))) + 2.0 * std::sqrt(HPH(1, 1));
   const double behind_m = z(0) + known.radius_m + kBehindReflector_m + 2.0 * std::sqrt(HPH(0, 0));
@@ -837,7 +861,7 @@ void ReflectorLocalization::judge_elsewhere(const ReflectorSightings& sightings,
                                             std::size_t reflector, bool is_gone) {
   Watched& watched = watched_[reflector];
   const Reflector& known = map_.reflectors[reflector];
-  double nearest_m = params_.max_move_m;
+  double nearest_m = kMaxMove_m;
   Eigen::Vector2d nearest_world_m = Eigen::Vector2d::Zero();
   Eigen::Vector2d lidar_world_m = Eigen::Vector2d::Zero();
   Eigen::Matrix2d covariance = Eigen::Matrix2d::Zero();
@@ -864,11 +888,11 @@ void ReflectorLocalization::judge_elsewhere(const ReflectorSightings& sightings,
     covariance = transformed(J, fit.covariance) +
                  (larger_eigenvalue(at_stamp_.P.topLeftCorner<2, 2>()) + yaw_m2) * Eigen::Matrix2d::Identity();
   }
-  const bool is_seen = nearest_m < params_.max_move_m;
+  const bool is_seen = nearest_m < kMaxMove_m;
   if (!is_seen && watched.elsewhere > 0 &&
       is_seen_through(sightings, T_base_lidar, {watched.elsewhere_world_m, known.radius_m})) {
     // Not there any more: someone who stood there, or a reflector that was moved again.
-    if (++watched.left >= params_.missing_scans) {
+    if (++watched.left >= kMissingScans) {
       watched.elsewhere = watched.left = 0;
       watched.is_moved = false;
     }
@@ -883,7 +907,7 @@ void ReflectorLocalization::judge_elsewhere(const ReflectorSightings& sightings,
   ++watched.elsewhere;
   watched.elsewhere_world_m += (nearest_world_m - watched.elsewhere_world_m) / watched.elsewhere;
   if (is_plausible) watched.stands.add(sightings.stamp_ns, nearest_world_m, covariance, lidar_world_m);
-  if (watched.elsewhere < params_.moved_scans) return;
+  if (watched.elsewhere < kMovedScans) return;
   if (!watched.is_moved) ++counters_["reflector moved"];
   watched.is_moved = true;
   if (watched.stands.seen_s() >= params_.moved_use_s && watched.stands.is_reflector()) use_moved(watched);
@@ -916,15 +940,15 @@ void ReflectorLocalization::judge_reflectors(const ReflectorSightings& sightings
     if (is_gone && !watched.is_missing && !watched.is_moved) ++seen_through;
     if (!is_certain) continue;
     if (is_gone) {
-      watched.missing = std::min(watched.missing + 1, params_.missing_scans);
+      watched.missing = std::min(watched.missing + 1, kMissingScans);
       watched.back = 0;
-      if (watched.missing == params_.missing_scans && !watched.is_missing) {
+      if (watched.missing == kMissingScans && !watched.is_missing) {
         watched.is_missing = true;
         ++counters_["reflector missing"];
       }
     }
     // Back in its place.
-    if (watched.is_moved && watched.back >= params_.moved_scans) {
+    if (watched.is_moved && watched.back >= kMovedScans) {
       leave_moved(watched);
       watched = {};
       ++counters_["reflector back"];
@@ -933,7 +957,7 @@ void ReflectorLocalization::judge_reflectors(const ReflectorSightings& sightings
     if (watched.used < 0) {
       judge_elsewhere(sightings, T_base_lidar, k, is_gone);
     } else if (is_seen_through(sightings, T_base_lidar, {center_of(k), map_.reflectors[k].radius_m}) &&
-               ++watched.left >= params_.moved_scans) {
+               ++watched.left >= kMovedScans) {
       leave_moved(watched);  // moved again, or it was none
       watched.elsewhere = watched.left = 0;
       watched.is_moved = false;
@@ -975,7 +999,7 @@ void ReflectorLocalization::judge_reflectors(const ReflectorSightings& sightings
     return;
   }
   ++contradicted_;
-  const Eigen::Vector3d sigma(params_.lost_sigma_m, params_.lost_sigma_m, params_.lost_sigma_rad);
+  const Eigen::Vector3d sigma(kLostSigma_m, kLostSigma_m, kLostSigma_rad);
   estimate_.P.diagonal().head<3>() += sigma.cwiseAbs2();
   at_stamp_.P.diagonal() += sigma.cwiseAbs2();
 }
@@ -997,7 +1021,7 @@ void ReflectorLocalization::collect(const ReflectorSightings& sightings, const O
     const Eigen::Vector2d center_m = T_track_lidar.translation_m + fit.range_m * along;
     Eigen::Matrix2d J;
     J << along.x(), -fit.range_m * along.y(), along.y(), fit.range_m * along.x();
-    const double spread_m2 = radius_spread_m_ * radius_spread_m_ + params_.model_sigma_m * params_.model_sigma_m;
+    const double spread_m2 = radius_spread_m_ * radius_spread_m_ + kModelSigma_m * kModelSigma_m;
     const Eigen::Matrix2d covariance = transformed(J, fit.covariance) + spread_m2 * Eigen::Matrix2d::Identity();
     const auto same = std::find_if(stood_.begin(), stood_.end(), [&](const Stood& stood) {
       return stood.stamp_ns != now.stamp_ns && (stood.center_track_m - center_m).norm() < kStands_m;
@@ -1022,7 +1046,7 @@ void ReflectorLocalization::collect(const ReflectorSightings& sightings, const O
 void ReflectorLocalization::search(const OdometryTrack::Entry& now) {
   order_.clear();
   for (std::size_t i = 0; i < stood_.size(); ++i) {
-    if (stood_[i].scans >= params_.search_scans) order_.push_back(i);
+    if (stood_[i].scans >= kSearchScans) order_.push_back(i);
   }
   if (order_.empty()) return;
   std::sort(order_.begin(), order_.end(), [&](std::size_t a, std::size_t b) {
@@ -1048,7 +1072,7 @@ void ReflectorLocalization::search(const OdometryTrack::Entry& now) {
   Estimate<Pose2> T_world_base;
   T_world_base.x = found.T_world_frame * now.T_track_base;
   T_world_base.P = transformed(adjoint_se2(inverse(now.T_track_base)), found.P);
-  if (is_known_ && contradicted_ < params_.lost_scans) {
+  if (is_known_ && contradicted_ < kLostScans) {
     // Only doubted: another pose replaces it, the same one is none.
     const Eigen::Vector3d off = Manifold<Pose2>::local_coordinates(T_world_base.x, at_stamp_.x);
     const Eigen::Matrix3d P = T_world_base.P + at_stamp_.P;

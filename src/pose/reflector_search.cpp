@@ -19,6 +19,18 @@
 namespace situation_awareness {
 namespace {
 
+// Where no source is named, none is recorded; the sensitivity of these was not measured.
+
+/// Probability that the place of a reflector is inside the gate of the reflector that it is.
+constexpr double kPlaceGateProbability = 0.999;
+/// Least number of reflectors that a pose is found by: two have a mirror image.
+constexpr int kMinMatches = 3;
+/// m. Least distance of the pairs of reflectors that a search begins with.
+constexpr double kMinDistance_m = 0.3;
+/// A pose is ambiguous if another one has a cost, the sum of squared Mahalanobis distances, with 27.6 for each place
+/// left unmatched, that is not higher by this.
+constexpr double kPoseAdvantage = 20.0;
+
 /// Most Gauss-Newton steps; three or four are taken.
 constexpr int kMaxSteps = 20;
 constexpr double kConverged = 1e-13;
@@ -62,8 +74,6 @@ double larger_variance(const ReflectorPlace& place) {
 }
 
 }  // namespace
-
-void ReflectorSearchParams::validate() const { check_bounds(*this, "search"); }
 
 Eigen::Vector2d place_of(const Pose2& T_world_frame, const Eigen::Vector2d& center_world_m) {
   return T_world_frame.rotation().transpose() * (center_world_m - T_world_frame.translation_m);
@@ -109,12 +119,10 @@ double fit_pose(const std::vector<ReflectorPlace>& places, const std::vector<int
   return cost;
 }
 
-ReflectorSearch::ReflectorSearch(const ReflectorMap& map, const ReflectorSearchParams& params)
-    : map_(map), params_(params), gate_(0.0), far_gate_(0.0) {
+ReflectorSearch::ReflectorSearch(const ReflectorMap& map) : map_(map), gate_(0.0), far_gate_(0.0) {
   check_reflectors(map_, "reflector map");
-  params_.validate();
-  gate_ = chi_square_quantile(params_.gate_probability, 2);
-  far_gate_ = chi_square_quantile(std::max(kFarProbability, params_.gate_probability), 2);
+  gate_ = chi_square_quantile(kPlaceGateProbability, 2);
+  far_gate_ = chi_square_quantile(std::max(kFarProbability, kPlaceGateProbability), 2);
   list_pairs();
   sort_into_cells();
   excluded_.resize(map_.reflectors.size());
@@ -223,7 +231,7 @@ ReflectorSearch::Base ReflectorSearch::base_of(int i, int j) const {
   Base base;
   base.i = i;
   base.j = j;
-  if (distance_m < params_.min_distance_m) return base;
+  if (distance_m < kMinDistance_m) return base;
   base.difference_m = std::sqrt(gate_ * distance_variance(a, b) + 1e-12);
   const double rounding_m = 1e-6 * distance_m;  // of the list's
   const auto shorter = [](const Pair& pair, double d_m) { return static_cast<double>(pair.distance_m) < d_m; };
@@ -333,8 +341,8 @@ void ReflectorSearch::begin_base() {
 /// What a pose costs at most that is the result, or makes it ambiguous, or would if one more place were matched by
 /// chance.
 double ReflectorSearch::cost_that_counts() const {
-  const double of_fewest = far_gate_ * (static_cast<double>(places_.size()) - params_.min_matches + 1.0);
-  return used_ > 0 ? std::min(of_fewest, hypotheses_.front().cost + far_gate_ + params_.min_advantage) : of_fewest;
+  const double of_fewest = far_gate_ * (static_cast<double>(places_.size()) - kMinMatches + 1.0);
+  return used_ > 0 ? std::min(of_fewest, hypotheses_.front().cost + far_gate_ + kPoseAdvantage) : of_fewest;
 }
 
 /// Whether each pose that counts was found, by two of the places that it does not leave out. With one pair more than
@@ -471,7 +479,7 @@ double ReflectorSearch::expected_by_chance(int matches) const {
   const int n = static_cast<int>(places_.size());
   const double log_anywhere = log_expected(best);
   // One of the poses that explain about as much, such as those of rows, has one match more by chance now and then.
-  const double as_good = best.cost + far_gate_ + params_.min_advantage;
+  const double as_good = best.cost + far_gate_ + kPoseAdvantage;
   double of_rivals = 0.0;
   for (std::size_t i = 1; i < used_ && hypotheses_[i].cost < as_good; ++i) {
     of_rivals += (n - matches + 1) * std::exp(std::min(log_anywhere - log_expected(hypotheses_[i]), 0.0));
@@ -493,7 +501,7 @@ const ReflectorPose& ReflectorSearch::find(const std::vector<ReflectorPlace>& pl
   result_.reflectors.clear();
   result_.reason = "too few places";
   if (!is_searching_) {
-    if (places.size() < static_cast<std::size_t>(params_.min_matches)) return result_;
+    if (places.size() < static_cast<std::size_t>(kMinMatches)) return result_;
     begin(places, excluded);
   }
   steps_ = 0;
@@ -524,12 +532,12 @@ const ReflectorPose& ReflectorSearch::conclude() {
   const Hypothesis& best = hypotheses_.front();
   const auto matches =
       static_cast<int>(std::count_if(best.reflectors.begin(), best.reflectors.end(), [](int r) { return r >= 0; }));
-  if (matches < params_.min_matches) return result_;
+  if (matches < kMinMatches) return result_;
   result_.T_world_frame = best.T_world_frame;
   result_.P = best.P;
   result_.reflectors = best.reflectors;
   result_.cost = best.fit_cost;
-  const bool is_ambiguous = used_ > 1 && hypotheses_[1].cost < best.cost + params_.min_advantage;
+  const bool is_ambiguous = used_ > 1 && hypotheses_[1].cost < best.cost + kPoseAdvantage;
   result_.is_known = !is_ambiguous && expected_by_chance(matches) < kMostByChance;
   result_.reason = result_.is_known ? "" : "ambiguous";
   return result_;

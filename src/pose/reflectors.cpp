@@ -13,6 +13,20 @@
 namespace situation_awareness {
 namespace {
 
+// Where no source is named, none is recorded; the sensitivity of these was not measured.
+
+/// rad. Standard deviation of the azimuth at which a beam meets a reflector; makes ranges on its flanks uncertain.
+constexpr double kPointingSigma_rad = 0.0005;
+/// Most beams in a row without a return within a reflector.
+constexpr int kMaxMissingOnReflector = 1;
+/// m. Greatest difference in range between neighbouring beams of one reflector; single beams, which may be mixed,
+/// excepted.
+constexpr double kMaxRangeGap_m = 0.2;
+/// m. A side of a reflector is hidden if the return beside it is nearer by more than this.
+constexpr double kOcclusionMargin_m = 0.1;
+/// Least part of the width of a reflector, about its middle, that is bright; its flanks return less light.
+constexpr double kMinBrightPart = 0.8;
+
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 /// Points of the integral over the azimuth, and of that over the half width that is bright. With twice as many the
@@ -87,7 +101,7 @@ Side side_of(const Ring& ring, int k, int step, double range_m, double resolutio
   Side side;
   int missing = 0;
   int beside = k + step;
-  while (ring.has(beside) && !is_hit(ring.at(beside).state) && missing <= params.max_missing_beams) {
+  while (ring.has(beside) && !is_hit(ring.at(beside).state) && missing <= kMaxMissingOnReflector) {
     ++missing;
     beside += step;
   }
@@ -96,11 +110,11 @@ Side side_of(const Ring& ring, int k, int step, double range_m, double resolutio
     return side;
   }
   // Few beams without a return may have been lost on the reflector; many are free space beside it.
-  const bool some_lost = missing > 0 && missing <= params.max_missing_beams;
+  const bool some_lost = missing > 0 && missing <= kMaxMissingOnReflector;
   side.free_rad = (1 + (some_lost ? missing : 0)) * resolution_rad;
   if (!ring.has(beside) || !is_hit(ring.at(beside).state)) return side;
   side.step_m = std::abs(ring.at(beside).range_m - range_m);
-  if (ring.at(beside).range_m < range_m - params.occlusion_margin_m) side.free_rad = kInfinity;
+  if (ring.at(beside).range_m < range_m - kOcclusionMargin_m) side.free_rad = kInfinity;
   side.is_flush = params.flush_step_m > 0.0;
   for (int i = 0, m = beside; i < kBeside && side.is_flush; ++i, m += step) {
     if (!ring.has(m)) break;
@@ -129,7 +143,7 @@ void add_run(const Points& points, const Ring& ring, int begin, int end, const R
   const double widest_rad =
       2.0 * half_width_rad(params.max_radius_m, range_m + params.max_radius_m) + params.fit.beam_width_rad;
   const double narrowest_rad =
-      2.0 * params.fit.min_bright_part * half_width_rad(params.min_radius_m, range_m + params.min_radius_m);
+      2.0 * kMinBrightPart * half_width_rad(params.min_radius_m, range_m + params.min_radius_m);
   const auto defect = [&]() -> const char* {
     if (before.is_cut || after.is_cut) return "cut";
     if (sighting.peak_intensity < params.min_peak_intensity) return "dim";
@@ -171,7 +185,7 @@ void add_runs(const Points& points, const Ring& ring, int begin, int end, const 
   for (int k = begin; k <= end; ++k) {
     if (!ring.is_bright_at(k)) continue;
     const auto gap = [&](int from, int to) {
-      return std::abs(ring.at(from).range_m - ring.at(to).range_m) > params.max_range_gap_m;
+      return std::abs(ring.at(from).range_m - ring.at(to).range_m) > kMaxRangeGap_m;
     };
     const bool goes_on = k < end && ring.is_bright_at(k + 1) && !gap(k, k + 1);
     if (in_part >= 2 && gap(last, k) && goes_on) {
@@ -232,7 +246,7 @@ ReflectorSightings detect_reflectors(const Points& points, const ReflectorDetect
       if (begin < 0) begin = k;
       end = k;
       missing = 0;
-    } else if (is_hit(ring.at(k).state) || ++missing > params.max_missing_beams) {
+    } else if (is_hit(ring.at(k).state) || ++missing > kMaxMissingOnReflector) {
       finish();
     }
   }
@@ -250,7 +264,7 @@ ReflectorFit fit_reflector(const ReflectorSightings& sightings, const ReflectorS
 
   // What is bright is symmetric about the azimuth phi of the centre, phi +- w, and w is known roughly.
   const double half_rad = half_width_rad(radius_m, sighting.surface_range_m + radius_m);
-  const double least_rad = params.min_bright_part * half_rad;
+  const double least_rad = kMinBrightPart * half_rad;
   const double most_rad = half_rad + 0.5 * params.beam_width_rad;
   const auto prior = [&](double phi_rad) {
     int widths = 0;
@@ -294,7 +308,7 @@ ReflectorFit fit_reflector(const ReflectorSightings& sightings, const ReflectorS
     u.hit = hits[i * sighting.count / candidates];
     u.slope_m_rad = slope(u.hit, middle_rad);
     u.center_m = sorted[i] = center_range(u.hit, middle_rad);
-    const double flank_m = u.slope_m_rad * params.pointing_sigma_rad;
+    const double flank_m = u.slope_m_rad * kPointingSigma_rad;
     u.weight = 1.0 / (params.range_sigma_m * params.range_sigma_m + flank_m * flank_m);
   }
   const auto median = sorted.begin() + static_cast<std::ptrdiff_t>((candidates - 1) / 2);
@@ -302,7 +316,7 @@ ReflectorFit fit_reflector(const ReflectorSightings& sightings, const ReflectorS
   std::size_t count = 0;
   for (std::size_t i = 0; i < candidates; ++i) {
     const double allowed_m = kMaxOffset_sigma * params.range_sigma_m +
-                             std::abs(used[i].slope_m_rad) * (0.5 * resolution_rad + params.pointing_sigma_rad);
+                             std::abs(used[i].slope_m_rad) * (0.5 * resolution_rad + kPointingSigma_rad);
     if (std::abs(used[i].center_m - *median) <= allowed_m) used[count++] = used[i];
   }
   double weights = 0.0;
@@ -345,7 +359,7 @@ ReflectorFit fit_reflector(const ReflectorSightings& sightings, const ReflectorS
       fit.covariance += priors[g] / total * d * d.transpose();
     }
     fit.covariance(0, 0) += 1.0 / weights;
-    fit.covariance(1, 1) += step_rad * step_rad / 12.0 + params.pointing_sigma_rad * params.pointing_sigma_rad;
+    fit.covariance(1, 1) += step_rad * step_rad / 12.0 + kPointingSigma_rad * kPointingSigma_rad;
     return true;
   };
   fit.is_width_plausible = high_rad > low_rad && integrate(true);

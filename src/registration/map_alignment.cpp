@@ -16,6 +16,29 @@
 namespace situation_awareness {
 namespace {
 
+// Where no source is named, none is recorded; the sensitivity of these was not measured.
+
+/// rad/sqrt(s). Random walk of the yaw by inertial navigation between two scans.
+constexpr double kYawDrift_rad_sqrt_s = 0.002;
+/// rad/s. Standard deviation of the error of the rate of turn at the start.
+constexpr double kYawRateSigma_rad_s = 0.003;
+/// rad/s/sqrt(s). Random walk of the error of the rate of turn.
+constexpr double kYawRateDrift_rad_s_sqrt_s = 0.0005;
+/// m/s/sqrt(s). Random walk of the velocity by inertial navigation between two scans.
+constexpr double kVelocityDrift_m_s_sqrt_s = 0.03;
+/// rad. Standard deviation of the error of the tilt by inertial navigation at the start, each axis.
+constexpr double kTiltSigma_rad = 0.02;
+/// rad/sqrt(s). Random walk of the error of the tilt.
+constexpr double kTiltDrift_rad_sqrt_s = 0.0003;
+/// rad/s. Standard deviation of the error of the rate of roll and pitch.
+constexpr double kTiltRateSigma_rad_s = 0.003;
+/// m/s^2. Standard deviation of the bias of the acceleration, in the scanner's level axes, at the start.
+constexpr double kAccelerationSigma_m_s2 = 0.05;
+/// m/s^2/sqrt(s). Random walk of the bias of the acceleration.
+constexpr double kAccelerationDrift_m_s2_sqrt_s = 0.003;
+/// s. Time for which the error of the velocity by GPS and INS lasts.
+constexpr double kVelocityMemory_s = 10.0;
+
 using Matrix12 = Eigen::Matrix<double, 12, 12>;
 using Vector12 = Eigen::Matrix<double, 12, 1>;
 /// Indices in P.
@@ -133,7 +156,7 @@ void MapAlignment::map_face_ends(const Pose2& T_map_level) {
       *known = in_map;
       continue;
     }
-    const double variance_m2 = end.variance_m2 / params_.independent_part + pose_variance_m2;
+    const double variance_m2 = end.variance_m2 / kIndependentPart + pose_variance_m2;
     const double part = known->variance_m2 / (known->variance_m2 + variance_m2);
     known->p_m += part * (in_map.p_m - known->p_m);
     known->outward = (known->outward + part * (in_map.outward - known->outward)).normalized();
@@ -208,11 +231,11 @@ void MapAlignment::go_on(const Pose2& T_odom_level, const Eigen::Vector2d& v_odo
   const auto walk = [&](int first, int size, double drift) {
     P_.diagonal().segment(first, size).array() += drift * drift * dt_s;
   };
-  walk(kYaw, 1, params_.yaw_drift_rad_sqrt_s);
-  walk(kVelocity, 2, params_.velocity_drift_m_s_sqrt_s);
-  walk(kTilt, 2, kStandardGravity_m_s2 * params_.tilt_drift_rad_sqrt_s);
-  walk(kAcceleration, 2, params_.acceleration_drift_m_s2_sqrt_s);
-  walk(kYawRate, 1, params_.yaw_rate_drift_rad_s_sqrt_s);
+  walk(kYaw, 1, kYawDrift_rad_sqrt_s);
+  walk(kVelocity, 2, kVelocityDrift_m_s_sqrt_s);
+  walk(kTilt, 2, kStandardGravity_m_s2 * kTiltDrift_rad_sqrt_s);
+  walk(kAcceleration, 2, kAccelerationDrift_m_s2_sqrt_s);
+  walk(kYawRate, 1, kYawRateDrift_rad_s_sqrt_s);
   P_.diagonal().array() += kLeastVariance;
 }
 
@@ -225,7 +248,7 @@ void MapAlignment::correct(const PolygonMap& map, const Polylines& polylines, co
   const Eigen::Matrix2d R_map_world =
       (T_map_level_ * inverse(T_odom_level_) * inverse(placement.T_world_odom)).rotation();
   const double v_weight =
-      std::min(dt_s / params_.velocity_memory_s, 1.0) / std::max(square(placement.velocity_sigma_m_s), kLeastVariance);
+      std::min(dt_s / kVelocityMemory_s, 1.0) / std::max(square(placement.velocity_sigma_m_s), kLeastVariance);
   const Eigen::Vector2d v_residual_m_s = R_map_world * placement.v_world_m_s - v_map_m_s_;
   Vector12 from_velocity = Vector12::Zero();
   from_velocity.segment<2>(kVelocity) = v_weight * v_residual_m_s;
@@ -265,7 +288,7 @@ void MapAlignment::correct(const PolygonMap& map, const Polylines& polylines, co
 
 double MapAlignment::weight_of(const Pair& pair, double residual_m) const {
   const double sigmas = std::abs(residual_m) / std::sqrt(pair.variance_m2);
-  return params_.independent_part / pair.variance_m2 * (sigmas > kHuber ? kHuber / sigmas : 1.0);
+  return kIndependentPart / pair.variance_m2 * (sigmas > kHuber ? kHuber / sigmas : 1.0);
 }
 
 /// To when what the scan sees was drawn.
@@ -347,10 +370,10 @@ Eigen::Matrix3d MapAlignment::align(PolygonMap& map, const InertialPlacement& pl
     if (!is_given) v_map_m_s_ = begin_velocity_m_s(placement);
     P_.diagonal().segment<2>(kVelocity).setConstant(
         square(is_given ? first_velocity_sigma_m_s_ : placement.velocity_sigma_m_s));
-    P_.diagonal().segment<2>(kTilt).setConstant(square(kStandardGravity_m_s2 * params_.tilt_sigma_rad));
-    P_.diagonal().segment<2>(kAcceleration).setConstant(square(params_.acceleration_sigma_m_s2));
-    P_.diagonal().segment<2>(kTiltRate).setConstant(square(kStandardGravity_m_s2 * params_.tilt_rate_sigma_rad_s));
-    P_(kYawRate, kYawRate) = square(params_.yaw_rate_sigma_rad_s);
+    P_.diagonal().segment<2>(kTilt).setConstant(square(kStandardGravity_m_s2 * kTiltSigma_rad));
+    P_.diagonal().segment<2>(kAcceleration).setConstant(square(kAccelerationSigma_m_s2));
+    P_.diagonal().segment<2>(kTiltRate).setConstant(square(kStandardGravity_m_s2 * kTiltRateSigma_rad_s));
+    P_(kYawRate, kYawRate) = square(kYawRateSigma_rad_s);
   }
   watch_shape(polylines);
   stamp_ns_ = polylines.stamp_ns;

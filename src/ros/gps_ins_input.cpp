@@ -23,6 +23,9 @@ constexpr double kMaxForce_m_s2 = 1e4;
 constexpr double kMaxRate_rad_s = 1e3;
 /// The yaw of an axis that is nearer to the vertical than 6 degrees says nothing.
 constexpr double kMinHorizontal = 0.1;
+/// Orientations that follow the one used before by less are passed over: those of a compass all have the error of its
+/// place. No source is recorded, and its sensitivity was not measured.
+constexpr double kHeadingPeriod_s = 1.0;
 /// The filter's reason.
 constexpr const char* kAnotherTime = "imu of another time";
 /// Index of the variance of z, and of the rotation about z, in the covariances of the messages.
@@ -31,7 +34,7 @@ constexpr std::size_t kHeight = 14, kYaw = 8;
 }  // namespace
 
 GpsInsInput::GpsInsInput(const GpsInsNodeletParams& params, const tf2::BufferCore& transforms)
-    : params_(params), transforms_(transforms), fixes_(params.gps_ins.reset_time_jump_s) {
+    : params_(params), transforms_(transforms) {
   params.gps_ins.validate();
   imu_ = {!params.imu_frame.empty(), params.imu_frame, {}};
   antenna_ = {!params.fix_frame.empty(), params.fix_frame, {}};
@@ -185,7 +188,7 @@ void GpsInsInput::add_heading(const sensor_msgs::Imu& msg) {
   }
   // A stamp that went back is of a time that started again.
   if (heading_stamp_ns_ != StampOrder::kNone && stamp_ns >= heading_stamp_ns_ &&
-      seconds_between(heading_stamp_ns_, stamp_ns) < params_.heading_period_s) {
+      seconds_between(heading_stamp_ns_, stamp_ns) < kHeadingPeriod_s) {
     return;
   }
   if (msg.orientation_covariance[0] == -1.0) {  // as sensor_msgs/Imu says

@@ -26,7 +26,7 @@ ScansOnBase::ScansOnBase(ros::NodeHandle& node, const Params& params, Use use)
       use_(std::move(use)),
       tf_(transform_cache_time(params.timeout_s)),
       poses_(transform_cache_time(params.timeout_s)),
-      queue_(poses_, {kOdom, params.timeout_s, params.max_waiting, params.reset_time_jump_s, 0.0},
+      queue_(poses_, {kOdom, params.timeout_s, params.max_waiting, 0.0},
              [this](const std::string& reason, const std::string& detail) { dropped(reason, detail); }),
       transform_input_(tf_, node) {}
 

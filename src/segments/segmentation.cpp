@@ -178,8 +178,7 @@ void distrust_free_ends(Segments& segments, NoReturns no_returns, const Segmenta
       if (kind != SegmentEnd::kNoReturn) return;
       const bool behind = beside.range_m > from.range_m + params.occlusion_margin_m;
       const double beyond_m = (beside.p_level_m - from.p_level_m).norm();
-      const bool continues =
-          std::abs(offset_m(line, beside.p_level_m)) < params.max_structure_offset_m + kMaxBend * beyond_m;
+      const bool continues = std::abs(offset_m(line, beside.p_level_m)) < kMaxStructureOffset_m + kMaxBend * beyond_m;
       if (behind && !continues) hidden_rad = std::min(hidden_rad, gap_rad);
     };
     distrust(segment.first, -1, segment.right_end, segment.right_hidden_rad);

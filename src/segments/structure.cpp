@@ -12,6 +12,17 @@
 namespace situation_awareness {
 namespace {
 
+// Where no source is named, none is recorded; the sensitivity of these was not measured.
+
+/// m. Maximum mean distance of an object's points behind the chord of its ends, seen from the sensor; a segment with
+/// more is structure (an inner corner), with free_faces only if not both ends have something farther away beside them.
+constexpr double kMaxConcavity_m = 0.03;
+/// m. A partially occluded segment whose RMS distance from a line is below this is structure; between two occluders
+/// below 1.6 times the range noise that the scan shows, if that is more.
+constexpr double kMaxStraightRms_m = 0.008;
+/// m. Minimum extent of a flat segment that is structure (the front of a wall or a cabinet).
+constexpr double kFlatExtent_m = 0.4;
+
 /// Of the range noise: the largest RMS distance from a line of what is seen between two occluders and shows no bend. 4
 /// to 6 hits on a wall exceed it in 1 of 200 scans. With half of it, 10 pieces of walls are on a map of 60 objects.
 constexpr double kStraightByNoise = 1.6;
@@ -50,18 +61,18 @@ void mark(Segments& segments, Segment& segment, StructureReason reason) {
 }
 
 /// True if all points from `first` to `end` lie on one line.
-bool is_straight(const Segments& segments, std::size_t first, std::size_t end, const SegmentationParams& params) {
+bool is_straight(const Segments& segments, std::size_t first, std::size_t end) {
   const Point* const points = &segments.points[first];
   const Line line = fit_line(points, end - first);
   return std::all_of(points, points + (end - first), [&](const Point& point) {
-    return std::abs(offset_m(line, point.p_level_m)) <= params.max_structure_offset_m;
+    return std::abs(offset_m(line, point.p_level_m)) <= kMaxStructureOffset_m;
   });
 }
 
 /// Mark pieces of a structure behind occluders: a piece with a hidden end on the line of a structure a few segments
 /// away on that side. `step` is the side; pieces are visited from there, so that a structure with several occluders is
 /// followed piece by piece.
-void extend_structures(Segments& segments, int step, const SegmentationParams& params) {
+void extend_structures(Segments& segments, int step) {
   constexpr std::ptrdiff_t kReach = 4;  // segments: the occluders between two pieces
   constexpr std::size_t kLinePoints = 30;
   const auto n = static_cast<std::ptrdiff_t>(segments.segments.size());
@@ -80,7 +91,7 @@ void extend_structures(Segments& segments, int step, const SegmentationParams& p
       const Line line = fit_line(&segments.points[line_first], line_points);
       const auto* points = &segments.points[piece.first];
       const bool on_line = std::all_of(points, points + piece.count, [&](const Point& point) {
-        return std::abs(offset_m(line, point.p_level_m)) <= params.max_structure_offset_m;
+        return std::abs(offset_m(line, point.p_level_m)) <= kMaxStructureOffset_m;
       });
       if (on_line) {
         mark(segments, piece, StructureReason::kInLine);
@@ -98,7 +109,7 @@ void join_broken_structures(Segments& segments, const SegmentationParams& params
     std::size_t last = first;
     while (last + 1 < all.size() && all[last].left_end == SegmentEnd::kNoReturn &&
            all[last + 1].right_end == SegmentEnd::kNoReturn &&
-           is_straight(segments, all[first].first, all[last + 1].first + all[last + 1].count, params)) {
+           is_straight(segments, all[first].first, all[last + 1].first + all[last + 1].count)) {
       ++last;
     }
     const Point* const points = &segments.points[all[first].first];
@@ -162,7 +173,7 @@ double concavity_m(const Point* points, std::size_t count) {
 
 bool is_flat(const Segments& segments, const Segment& segment, const SegmentationParams& params) {
   const Point* points = &segments.points[segment.first];
-  if (extent_m(points, segment.count, params.flat_extent_m) < params.flat_extent_m) return false;
+  if (extent_m(points, segment.count, kFlatExtent_m) < kFlatExtent_m) return false;
   const Line line = fit_line(points, segment.count);
   return flat_along(line, rms_m(line, points, segment.count), points, segment.count, params);
 }
@@ -171,19 +182,18 @@ StructureReason structure_reason(const Segments& segments, const Segment& segmen
   const Point* points = &segments.points[segment.first];
   const double extent = extent_m(points, segment.count, params.max_object_extent_m);
   if (extent > params.max_object_extent_m) return StructureReason::kExtent;
-  if (!(params.free_faces && stands_free(segment)) && concavity_m(points, segment.count) > params.max_concavity_m) {
+  if (!(params.free_faces && stands_free(segment)) && concavity_m(points, segment.count) > kMaxConcavity_m) {
     return StructureReason::kInnerCorner;
   }
   const int hidden_ends = (is_silhouette(segment.right_end) ? 0 : 1) + (is_silhouette(segment.left_end) ? 0 : 1);
   const bool hidden = hidden_ends > 0;
-  const bool is_long = extent >= params.flat_extent_m;
+  const bool is_long = extent >= kFlatExtent_m;
   if (!hidden && (!is_long || params.free_faces)) return StructureReason::kNone;
   const Line line = fit_line(points, segment.count);
   const double rms = rms_m(line, points, segment.count);
   // Between two occluders nothing but its bend tells a piece of an object from one of a wall.
-  const double straight_m = hidden_ends == 2
-                                ? std::max(params.max_straight_rms_m, kStraightByNoise * segments.range_sigma_m)
-                                : params.max_straight_rms_m;
+  const double straight_m =
+      hidden_ends == 2 ? std::max(kMaxStraightRms_m, kStraightByNoise * segments.range_sigma_m) : kMaxStraightRms_m;
   if (params.free_faces && hidden_ends == 1 &&
       (ends_before_background(segment) || ends_behind_occluder(segments, segment, line, params))) {
     return StructureReason::kNone;
@@ -198,8 +208,8 @@ Segments classify_structure(Segments segments, const SegmentationParams& params)
   segments.range_sigma_m = noise.sigma_m(segments);
   for (Segment& segment : segments.segments) mark(segments, segment, structure_reason(segments, segment, params));
   join_broken_structures(segments, params);
-  extend_structures(segments, -1, params);
-  extend_structures(segments, +1, params);
+  extend_structures(segments, -1);
+  extend_structures(segments, +1);
   return segments;
 }
 

@@ -24,7 +24,7 @@ Verdict judge(StampOrder& order, double stamp_s, double received_s) {
 
 /// A stream at a rate, until 100 s.
 StampOrder after_stream(double period_s, bool has_receipts) {
-  StampOrder order(1.0);
+  StampOrder order;
   for (int i = -StampOrder::kSteady; i <= 0; ++i) {
     const double stamp_s = 100.0 + i * period_s;
     EXPECT_EQ(has_receipts ? judge(order, stamp_s, stamp_s) : judge(order, stamp_s), Verdict::kNext);
@@ -33,7 +33,7 @@ StampOrder after_stream(double period_s, bool has_receipts) {
 }
 
 TEST(StampOrder, DistinguishesALoopFromJitter) {
-  StampOrder order(1.0);
+  StampOrder order;
   EXPECT_EQ(judge(order, 100.0), Verdict::kNext);
   EXPECT_EQ(judge(order, 100.1), Verdict::kNext);
   EXPECT_EQ(judge(order, 100.1), Verdict::kRefused) << "repeats";
@@ -110,7 +110,7 @@ TEST(StampOrder, SeveralWrongStampsThatDisagreeAreNoJump) {
 }
 
 TEST(StampOrder, AnyPaceIsFollowed) {
-  StampOrder order(1.0);
+  StampOrder order;
   Random random(3);
   double stamp_s = 0.0;
   int refused = 0;
@@ -128,7 +128,7 @@ TEST(StampOrder, AnyPaceIsFollowed) {
 
 TEST(StampOrder, AFirstStampThatTheOthersContradictIsOutvoted) {
   for (const double first_s : {95.0, 105.0, 3700.0}) {
-    StampOrder order(1.0);
+    StampOrder order;
     EXPECT_EQ(judge(order, first_s, 100.0), Verdict::kNext);
     EXPECT_EQ(judge(order, 100.05, 100.05), Verdict::kRefused);
     EXPECT_EQ(judge(order, 100.1, 100.1), Verdict::kRefused);
@@ -137,7 +137,7 @@ TEST(StampOrder, AFirstStampThatTheOthersContradictIsOutvoted) {
 }
 
 TEST(StampOrder, TrustsAnother) {
-  StampOrder order(1.0);
+  StampOrder order;
   order.trust();
   for (const double stamp_s : {1.0, 1.1, 1.2, 1.3, 1.4, 1.5, 40.0, 40.1}) {
     EXPECT_EQ(judge(order, stamp_s), Verdict::kNext);
@@ -155,7 +155,7 @@ TEST(StampOrder, OrdersAnyTwoStamps) {
   EXPECT_NEAR(seconds_between(kFirst, kLast), 0x1.0p64 * 1e-9, 1e-3);
   EXPECT_NEAR(seconds_between(kLast, kFirst), -0x1.0p64 * 1e-9, 1e-3);
   EXPECT_EQ(seconds_between(kLast - 1, kLast), 1e-9) << "small differences of large stamps are exact";
-  StampOrder order(1.0);
+  StampOrder order;
   EXPECT_EQ(order.judge(kLast), Verdict::kNext);
   EXPECT_EQ(order.judge(kFirst), Verdict::kRefused);
   EXPECT_EQ(order.judge(kFirst + 1), Verdict::kRefused);
@@ -181,7 +181,7 @@ class InOrderTest : public ::testing::Test {
   }
 
   using Passed = std::vector<double>;
-  InOrder<double> in_order_{1.0};
+  InOrder<double> in_order_;
   Passed passed_;
   int restarts_ = 0, held_ = 0, refused_ = 0;
 };

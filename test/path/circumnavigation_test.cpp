@@ -360,8 +360,7 @@ TEST(Circumnavigation, RefusesNumbersThatAreNone) {
   for (const auto& [name, value] : {std::pair<const char*, double>{"NaN", NAN}, {"inf", INFINITY}, {"-1", -1.0}}) {
     const FaultCell cell("circumnavigate", "parameters", name, "does not start, and names field and bound");
     for (double Params::*field : {&Params::standoff_m, &Params::max_sigma_m, &Params::max_laps, &Params::arrive_m,
-                                  &Params::replan_s, &Params::patience_s, &Params::start_free_m, &Params::max_map_age_s,
-                                  &Params::max_scan_age_s, &Params::sight_spacing_m}) {
+                                  &Params::start_free_m, &Params::max_map_age_s, &Params::max_scan_age_s}) {
       Params params;
       params.*field = value;
       EXPECT_TRUE(names(refusal_of([&] { Circumnavigation(params, {}); }), {"circumnavigation."}));

@@ -62,12 +62,11 @@ Drive drive(const Path& path, const Pose2& T, const PathFollowingParams& params 
 
 // Eq. 6, with a reference that moves by itself, as printed but for the sign: minus converges, plus does not.
 TEST(PathFollowing, ControlConvergesToAMovingReference) {
-  const PathFollowingParams params;
   for (const double turn_rate_rad_s : {0.0, 0.15}) {
     Pose2 T_reference, T{{-0.2, 0.25}, 0.3};
     const Velocity reference{0.5, turn_rate_rad_s};
     for (int i = 0; i < 4000; ++i) {
-      const Velocity u = controlled(following_error(T_reference, T), reference, params);
+      const Velocity u = controlled(following_error(T_reference, T), reference);
       T = T * exp_se2(0.005 * Eigen::Vector3d(u.speed_m_s, 0.0, u.turn_rate_rad_s));
       T_reference = T_reference * exp_se2(0.005 * Eigen::Vector3d(reference.speed_m_s, 0.0, reference.turn_rate_rad_s));
     }
@@ -80,9 +79,8 @@ TEST(PathFollowing, ControlConvergesToAMovingReference) {
 
 // docs/math/path.md: V = K2 y^2 / 2 + 1 - cos theta does not grow along the exact motion.
 TEST(PathFollowing, LyapunovFunctionDecreases) {
-  const PathFollowingParams params;
   const auto V = [&](const FollowingError& e) {
-    return 0.5 * params.gain_across_1_m2 * e.across_m * e.across_m + 1.0 - std::cos(e.heading_rad);
+    return 0.5 * kGainAcross_1_m2 * e.across_m * e.across_m + 1.0 - std::cos(e.heading_rad);
   };
   for (const Path& path : {straight(), winding(), ring()}) {
     const SplinePath spline(path);
@@ -98,7 +96,7 @@ TEST(PathFollowing, LyapunovFunctionDecreases) {
         EXPECT_LE(V(error), before + 2e-6);
         before = V(error);
         const double ahead_m_s = 0.5 * std::cos(error.heading_rad) / (1.0 - reference.curvature_1_m * error.across_m);
-        Velocity u = controlled(error, {0.5, 0.0}, params);
+        Velocity u = controlled(error, {0.5, 0.0});
         u.turn_rate_rad_s += reference.curvature_1_m * ahead_m_s;
         T = T * exp_se2(0.002 * Eigen::Vector3d(0.5, 0.0, u.turn_rate_rad_s));
         if (!spline.closed() && way_m > spline.length_m() - 0.1) break;

@@ -382,9 +382,7 @@ TEST(Scouting, RefusesNumbersThatAreNone) {
          {&ScoutingParams::budget_s, &ScoutingParams::margin_s, &ScoutingParams::speed_m_s,
           &ScoutingParams::acceleration_m_s2, &ScoutingParams::yaw_rate_rad_s, &ScoutingParams::image_rate_hz,
           &ScoutingParams::height_m, &ScoutingParams::arrival_m, &ScoutingParams::close_up_m,
-          &ScoutingParams::close_up_height_m, &ScoutingParams::close_up_gain, &ScoutingParams::expected_targets,
-          &ScoutingParams::least_gain, &ScoutingParams::haste_s, &ScoutingParams::cell_m,
-          &ScoutingParams::clearance_m}) {
+          &ScoutingParams::close_up_height_m, &ScoutingParams::expected_targets, &ScoutingParams::clearance_m}) {
       ScoutingParams params;
       params.*field = value;
       EXPECT_TRUE(names(refusal_of([&] { Scouting(params, {0.0, 0.0, 25.0}); }), {"scouting."}));
@@ -413,7 +411,7 @@ TEST(Scouting, RefusesBadParams) {
                     }),
                     {"camera.pitch_rad"}));
   EXPECT_TRUE(names(refused([](ScoutingParams& p) { p.close_up_m = 2.0; }), {"scouting.close_up_m"}));
-  EXPECT_TRUE(names(refused([](ScoutingParams& p) { p.region.x_max_world_m = 1e5; }), {"scouting.cell_m"}));
+  EXPECT_TRUE(names(refused([](ScoutingParams& p) { p.region.x_max_world_m = 1e5; }), {"scouting.region"}));
   EXPECT_TRUE(names(refusal_of([] { Scouting(ScoutingParams(), {0.0, std::nan(""), 0.0}); }), {"home"}));
   Scouting scouting(ScoutingParams(), {0.0, 0.0, 25.0});
   ScoutingInput input;

@@ -35,7 +35,6 @@ namespace situation_awareness::wrong_stamp_test {
 namespace {
 
 constexpr std::int64_t kBegin_ns = 1'000'000'000'000'000;
-constexpr double kJump_s = 1.0;
 /// Messages before the first wrong one: without receipts an order has to know its period.
 constexpr int kKnown = StampOrder::kUsual + 2;
 
@@ -77,7 +76,7 @@ Outcome polygons(const WrongStamp& wrong) {
     for (int i = 0; i < 120; ++i) polylines.push_back(room.next());
     return polylines;
   }();
-  GuardedMap map(PolygonMapParams{}, kJump_s);
+  GuardedMap map(PolygonMapParams{});
   Outcome outcome;
   for (int i = 0; i < static_cast<int>(all.size()); ++i) {
     if (wrong.leaves_out("scan", i)) continue;
@@ -100,7 +99,7 @@ Outcome one_map(const WrongStamp& wrong) {
   params.polygons.max_gap_m = 1.0;
   params.polygons.pass_margin_m = 0.2;
   params.polygons.max_pose_sigma_m = 10.0;
-  StampOrder order(kJump_s);
+  StampOrder order;
   MapPipeline map(map_params, {false, true, true, false});
   Outcome outcome;
   for (int i = 0; i < 100; ++i) {

@@ -201,8 +201,8 @@ TEST(LocalWorld, OriginsAreReadFromThreeNumbersAndNothingElse) {
 
 TEST(GpsInsParams, AreChecked) {
   GpsInsParams params;
-  params.gate_probability = 1.5;
-  EXPECT_TRUE(names(refusal_of([&] { GpsIns(params, {}); }), {"gps_ins.gate_probability", "1.5"}));
+  params.max_delay_s = 0.0;
+  EXPECT_TRUE(names(refusal_of([&] { GpsIns(params, {}); }), {"gps_ins.max_delay_s", "0"}));
   params = {};
   params.imu.gyroscope_noise = -1.0;
   EXPECT_TRUE(names(refusal_of([&] { GpsIns(params, {}); }), {"imu.gyroscope_noise", "-1"}));

@@ -722,10 +722,10 @@ TEST(ReflectorLocalizationParams, RefusalsNameFieldAndBound) {
     return refusal_of([&] { ReflectorLocalization(map_of(1), params); });
   };
   EXPECT_EQ(refused([](ReflectorLocalizationParams&) {}), "");
-  EXPECT_TRUE(names(refused([](auto& p) { p.gate_probability = 1.0; }), {"localization.gate_probability", "1"}));
-  EXPECT_TRUE(names(refused([](auto& p) { p.lost_scans = 0; }), {"localization.lost_scans", "0"}));
+  EXPECT_TRUE(names(refused([](auto& p) { p.max_sigma_m = 0.0; }), {"localization.max_sigma_m", "0"}));
+  EXPECT_TRUE(names(refused([](auto& p) { p.max_sigma_rad = 9.0; }), {"localization.max_sigma_rad", "9"}));
   EXPECT_TRUE(
-      names(refused([](auto& p) { p.wheels.jump_sigma_m = -1.0; }), {"localization.wheels.jump_sigma_m", "-1"}));
+      names(refused([](auto& p) { p.wheels.lateral_noise = -1.0; }), {"localization.wheels.lateral_noise", "-1"}));
 }
 
 }  // namespace

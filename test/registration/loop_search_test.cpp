@@ -86,7 +86,7 @@ class Drifting {
  private:
   Random random_;
   PolygonMap map_;
-  LoopSearch loops_{{kSigma_m, 0.25}};
+  LoopSearch loops_{kSigma_m};
   std::optional<FoundLoop> found_;
   Polylines polylines_;
   PolygonMapUpdate update_;

@@ -452,7 +452,7 @@ class GpsInsTest(unittest.TestCase):
             used[name] = sum(int(status.get(f"{name} NIS matches", "0"))
                              for stage, status in self.diagnostics.history[reports:] if stage == STAGE)
         self.assertAlmostEqual(used["altitude"], 200, delta=5)
-        self.assertAlmostEqual(used["heading"], 20, delta=1)  # heading_period_s
+        self.assertAlmostEqual(used["heading"], 20, delta=1)  # one a second
         self.assertLess(self.odometry.messages[-1].pose.covariance[14], 0.1**2)
 
         for key, publisher, message, spoil in (

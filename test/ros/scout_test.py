@@ -27,7 +27,7 @@ from situation_awareness.msg import MapUpdate, MappedTarget, ScoutStatus, Target
 
 STAGE = "scout"
 SPEED, YAW_RATE, PERIOD = 6.0, 0.6, 0.25
-MAP_PERIOD = 2.0  # s, scout/map_period_s: the next map is taken so long after the one before
+MAP_PERIOD = 2.0  # s, kMapPeriod_s of scout: the next map is taken so long after the one before
 HOME = (-45.0, -45.0, 25.0)
 CARS = ((20.0, 10.0), (-10.0, 35.0))
 VIEW, REACH = 0.45, 70.0  # half of the field of view, rad; m

@@ -27,7 +27,7 @@ class TransformQueueTest : public ::testing::Test {
  protected:
   using Queue = TransformQueue<std::int64_t>;
 
-  static TransformQueueParams params(std::size_t max_waiting = 20) { return {"world", 0.5, max_waiting, 1.0}; }
+  static TransformQueueParams params(std::size_t max_waiting = 20) { return {"world", 0.5, max_waiting}; }
 
   StampOrder::Verdict measure(std::int64_t time_ms, std::int64_t now_ms) {
     return queue_.add(time_ms, {"lidar", at_ms(time_ms), at_ms(time_ms + kSweep_ms)}, now_ms * kMillisecond_ns);
@@ -312,7 +312,7 @@ TEST_F(OffsetTransformQueueTest, PosesFromBeforeTheBeginningOfTimeAreMissing) {
 TEST(TransformQueue, WaitsForATransformThatComesLastOfAChainUpToTheLongestTimeout) {
   constexpr double kTimeout_s = 60.0;
   tf2::BufferCore transforms(transform_cache_time(kTimeout_s));
-  TransformQueue<int> queue(transforms, {"world", kTimeout_s, 20, 1.0}, {});
+  TransformQueue<int> queue(transforms, {"world", kTimeout_s, 20}, {});
   queue.add(0, {"lidar", at_ms(0), at_ms(0)}, 0);
   const auto set = [&](std::int64_t time_ms, const char* parent, const char* child) {
     transforms.setTransform(
@@ -327,11 +327,11 @@ TEST(TransformQueue, WaitsForATransformThatComesLastOfAChainUpToTheLongestTimeou
 TEST(TransformQueue, RefusesInvalidParameters) {
   tf2::BufferCore transforms;
   const auto make = [&](const TransformQueueParams& params) { TransformQueue<int>(transforms, params, {}); };
-  EXPECT_THROW(make({"", 0.5, 1, 1.0}), std::invalid_argument);
-  EXPECT_THROW(make({"world", -0.5, 1, 1.0}), std::invalid_argument);
-  EXPECT_THROW(make({"world", std::numeric_limits<double>::quiet_NaN(), 1, 1.0}), std::invalid_argument);
-  EXPECT_THROW(make({"world", 0.5, 0, 1.0}), std::invalid_argument);
-  EXPECT_THROW(make({"world", 0.5, 1, 1.0, std::numeric_limits<double>::infinity()}), std::invalid_argument);
+  EXPECT_THROW(make({"", 0.5, 1}), std::invalid_argument);
+  EXPECT_THROW(make({"world", -0.5, 1}), std::invalid_argument);
+  EXPECT_THROW(make({"world", std::numeric_limits<double>::quiet_NaN(), 1}), std::invalid_argument);
+  EXPECT_THROW(make({"world", 0.5, 0}), std::invalid_argument);
+  EXPECT_THROW(make({"world", 0.5, 1, std::numeric_limits<double>::infinity()}), std::invalid_argument);
 }
 
 }  // namespace

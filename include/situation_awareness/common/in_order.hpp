@@ -17,8 +17,6 @@ class InOrder {
  public:
   using Verdict = StampOrder::Verdict;
 
-  explicit InOrder(double reset_time_jump_s) : order_(reset_time_jump_s) {}
-
   /// Calls `pass(item, verdict)` for each message that is in order now, where the verdict is kNext, or kRestart for the
   /// first of another time; and `drop(was_held)` for each that is not. kRefused: it is held or was dropped. `now_ns`:
   /// by the clock of `release`.

@@ -34,7 +34,7 @@ struct Parameter {
   std::variant<bool*, int*, double*, std::string*, YamlValue> value;
   std::optional<Bounds> bounds;  ///< of a number
   std::string unit;              ///< empty where there is none
-  std::string doc;               ///< one sentence
+  std::string doc;               ///< one sentence; empty: nobody sets it by hand, and no reference lists it
   bool live = false;             ///< may be changed while its node runs
 
   std::string path() const { return section.empty() ? name : section + '.' + name; }
@@ -83,7 +83,7 @@ struct UnknownKey {
   std::vector<std::string> known;  ///< the keys that its section has, sorted
 };
 
-/// "my.yaml: unknown parameter segments.max_gap has no effect, known are: flat_extent_m, ..."
+/// "my.yaml: unknown parameter segments.max_gap has no effect, known are: free_faces, ..."
 std::string message_of(const UnknownKey& key);
 
 /// Handler of unknown keys.

@@ -32,17 +32,15 @@ class StampOrder {
   /// receipts.
   static constexpr double kPeriods = 2.5;
   static constexpr double kLeast_s = 0.1;
+  /// s. A stamp that goes back by more is of another time, as of a bag that loops; by less it is out of order. No source
+  /// is recorded, and its sensitivity was not measured.
+  static constexpr double kResetTimeJump_s = 1.0;
 
   enum class Verdict {
     kNext,
     kRestart,  ///< of time: what was known by earlier stamps is of another time
     kRefused   ///< repeats, goes back or is doubted
   };
-
-  explicit StampOrder(double reset_time_jump_s) : reset_time_jump_s_(reset_time_jump_s) {}
-
-  /// Applies to later stamps.
-  void set_reset_time_jump_s(double reset_time_jump_s) { reset_time_jump_s_ = reset_time_jump_s; }
 
   /// From now on stamps are those that another StampOrder has passed, of which some may be missing: each that is ahead
   /// is the next, and each far back a restart.
@@ -79,7 +77,6 @@ class StampOrder {
   void accept(const Stamp& stamp);
   Verdict take_doubted();
 
-  double reset_time_jump_s_;
   bool trusts_ = false;
   Stamp latest_;
   int accepted_ = 0;       ///< in this stream, up to kUsual

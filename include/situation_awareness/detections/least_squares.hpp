@@ -12,34 +12,34 @@ namespace situation_awareness {
 /// detection's covariance is computed.
 struct EllipseFitParams {
   double range_sigma_m = 0.01;
-  double shape_sigma_m = 0.005;
   double prior_max_radius_m = 0.5;
   double mean_radius_m = 0.22;
-  double mean_radius_sigma_m = 0.12;
   double radius_difference_sigma_m = 0.06;
-  double min_radius_m = 0.03;
   double max_radius_m = 0.9;
   double max_residual_m = 0.06;
+
+  // Constants of the method, which are not read from YAML.
+  /// Standard deviation of a real outline about its ellipse, added in quadrature to the range noise.
+  double shape_sigma_m = 0.005;
+  /// Lower bound of a fitted radius.
+  double min_radius_m = 0.03;
+  /// Maximum number of Gauss-Newton iterations.
   int max_iterations = 15;
+  /// Prior standard deviation of (rx + ry) / 2.
+  double mean_radius_sigma_m = 0.12;
 
   template <class Self, class Visit>
   static void fields(Self& self, Visit&& visit) {
     visit("range_sigma_m", self.range_sigma_m, Bounds{1e-4, 1.0}, "m", "standard deviation of the range noise");
-    visit("shape_sigma_m", self.shape_sigma_m, Bounds{0.0, 1.0}, "m",
-          "standard deviation of a real outline about its ellipse, added in quadrature to the range noise");
     visit("prior_max_radius_m", self.prior_max_radius_m, Bounds{0.05, 10.0}, "m",
           "scale of the network's prior of the radii, which are expected between a tenth of this and this");
     visit("mean_radius_m", self.mean_radius_m, Bounds{0.01, 10.0}, "m", "prior mean of (rx + ry) / 2");
-    visit("mean_radius_sigma_m", self.mean_radius_sigma_m, Bounds{1e-3, 10.0}, "m",
-          "prior standard deviation of (rx + ry) / 2");
     visit("radius_difference_sigma_m", self.radius_difference_sigma_m, Bounds{1e-3, 10.0}, "m",
           "prior standard deviation of each component of (rx - ry) / 2 (cos 2 psi, sin 2 psi)");
-    visit("min_radius_m", self.min_radius_m, Bounds{1e-3, 10.0}, "m", "lower bound of a fitted radius");
     visit("max_radius_m", self.max_radius_m, Bounds{0.01, 100.0}, "m",
           "maximum radius of a detection; a larger ellipse is rejected");
     visit("max_residual_m", self.max_residual_m, Bounds{1e-3, 10.0}, "m",
           "maximum RMS distance of a segment's points from its ellipse; a detection with more is rejected", kLive);
-    visit("max_iterations", self.max_iterations, Bounds{1, 1000}, "", "maximum number of Gauss-Newton iterations");
   }
 
   /// Throws std::invalid_argument naming field and bound.

@@ -25,14 +25,15 @@ namespace situation_awareness {
 /// When a layer hands a thing over to another one.
 struct HandOverParams {
   double parked_after_s = 10.0;
+
+  // Constants of the method, which are not read from YAML.
+  /// A chain that is so near to the outline of an object is of it, in addition to two standard deviations.
   double margin_m = 0.1;
 
   template <class Self, class Visit>
   static void fields(Self& self, Visit&& visit) {
     visit("parked_after_s", self.parked_after_s, Bounds{0.0, 1e6}, "s",
           "an object that has stood for so long, and of which there is a chain, is that chain");
-    visit("margin_m", self.margin_m, Bounds{0.0, 1.0}, "m",
-          "a chain that is so near to the outline of an object is of it, in addition to two standard deviations");
   }
 
   /// Throws std::invalid_argument naming field and bound.

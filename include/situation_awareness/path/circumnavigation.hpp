@@ -35,13 +35,13 @@ struct CircumnavigationParams {
   double max_sigma_m = 0.3;
   double max_laps = 2.0;
   double arrive_m = 6.0;
-  double replan_s = 1.0;
-  double patience_s = 60.0;
   double start_free_m = 20.0;
   double max_map_age_s = 2.0;
   double max_scan_age_s = 1.0;
-  double sight_spacing_m = 2.0;
-  int sights = 100;
+
+  // Constants of the method, which are not read from YAML.
+  /// What cannot be approached is given up after holding for so long; after a third it is tried the other way around.
+  double patience_s = 60.0;
 
   template <class Self, class Visit>
   static void fields(Self& self, Visit&& visit) {
@@ -57,17 +57,10 @@ struct CircumnavigationParams {
     visit("max_laps", self.max_laps, Bounds{1.0, 100.0}, "",
           "an obstacle whose boundary is not done after so many laps is given up");
     visit("arrive_m", self.arrive_m, Bounds{0.1, 1000.0}, "m", "a place of the search is reached from there on");
-    visit("replan_s", self.replan_s, Bounds{0.05, 100.0}, "s", "longest time between plans");
-    visit("patience_s", self.patience_s, Bounds{1.0, 10000.0}, "s",
-          "what cannot be approached is given up after holding for so long; after a third it is tried the other way "
-          "around");
     visit("start_free_m", self.start_free_m, Bounds{0.0, 10000.0}, "m",
           "radius around the first pose that is known to be free: the vehicle turns there");
     visit("max_map_age_s", self.max_map_age_s, Bounds{0.1, 100.0}, "s", "the vehicle holds where the map is older");
     visit("max_scan_age_s", self.max_scan_age_s, Bounds{0.1, 100.0}, "s", "the vehicle holds where scans are older");
-    visit("sight_spacing_m", self.sight_spacing_m, Bounds{0.1, 100.0}, "m",
-          "distance of the places of which it is remembered what was seen from there");
-    visit("sights", self.sights, Bounds{2, 100000}, "", "number of them");
   }
 
   /// Throws std::invalid_argument naming field and bound.

@@ -12,18 +12,12 @@ namespace situation_awareness {
 /// Parameters of following a Dubins path. The vehicle's radius is 1 / max_curvature_1_m.
 struct DubinsFollowingParams {
   double max_curvature_1_m = 1.0 / 6.0;
-  double approach_radii = 2.5;
-  double gain_heading_radii = 2.0;
   double reaction_s = 0.0;
   double airspeed_m_s = 0.0;
 
   template <class Self, class Visit>
   static void fields(Self& self, Visit&& visit) {
     visit("max_curvature_1_m", self.max_curvature_1_m, Bounds{1e-4, 100.0}, "1/m", "greatest curvature of the vehicle");
-    visit("approach_radii", self.approach_radii, Bounds{0.5, 100.0}, "",
-          "so many of the vehicle's radii beside the path it heads for the path at 45 degrees");
-    visit("gain_heading_radii", self.gain_heading_radii, Bounds{0.1, 100.0}, "",
-          "curvature, in units of the greatest one, for each rad of error of heading");
     visit("reaction_s", self.reaction_s, Bounds{0.0, 5.0}, "s",
           "time from a command until the vehicle turns so; the path's curvature is commanded ahead by it");
     visit("airspeed_m_s", self.airspeed_m_s, Bounds{0.0, 1000.0}, "m/s",

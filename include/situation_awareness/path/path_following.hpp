@@ -40,10 +40,6 @@ struct Velocity {
 
 /// Parameters of path following.
 struct PathFollowingParams {
-  double gain_along_1_m = 3.0;
-  double gain_across_1_m2 = 1.5;
-  double gain_heading_1_m = 1.5;
-  double turn_gain_1_s = 1.5;
   double turn_from_rad = 0.8;
   double turn_to_rad = 0.05;
   double max_error_m = 1.0;
@@ -55,11 +51,6 @@ struct PathFollowingParams {
 
   template <class Self, class Visit>
   static void fields(Self& self, Visit&& visit) {
-    visit("gain_along_1_m", self.gain_along_1_m, Bounds{0.0, 100.0}, "1/m", "gain of the error along the path, K1");
-    visit("gain_across_1_m2", self.gain_across_1_m2, Bounds{0.01, 1000.0}, "1/m^2",
-          "gain of the error across the path, K2");
-    visit("gain_heading_1_m", self.gain_heading_1_m, Bounds{0.01, 100.0}, "1/m", "gain of the error of heading, K3");
-    visit("turn_gain_1_s", self.turn_gain_1_s, Bounds{0.1, 100.0}, "1/s", "gain of turns on the spot");
     visit("turn_from_rad", self.turn_from_rad, Bounds{0.1, 1.5}, "rad",
           "with a greater error of heading the vehicle stops and turns on the spot");
     visit("turn_to_rad", self.turn_to_rad, Bounds{0.005, 1.5}, "rad", "until the error is less than this");
@@ -81,10 +72,14 @@ struct PathFollowingParams {
   void validate() const;
 };
 
+/// Gains of eq. 6: K1 of the error along the path in 1/m, K2 of that across it in 1/m^2, K3 of that of heading in 1/m.
+/// No source is recorded, and their sensitivity was not measured.
+constexpr double kGainAlong_1_m = 3.0, kGainAcross_1_m2 = 1.5, kGainHeading_1_m = 1.5;
+
 /// u1 and u2 by eq. 6: u1 = u1r - K1 |u1r| x_e, u2 = u2r - K2 u1r y_e - K3 |u1r| tan theta_e. |theta_e| < pi / 2.
 /// With the reference at the nearest point, which moves as the vehicle does, K2 y_e^2 / 2 + 1 - cos theta_e does not
 /// grow.
-Velocity controlled(const FollowingError& error, const Velocity& reference, const PathFollowingParams& params);
+Velocity controlled(const FollowingError& error, const Velocity& reference);
 
 /// Where a vehicle on a path is, and what it is told.
 struct PathFollowingResult {

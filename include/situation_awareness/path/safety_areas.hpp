@@ -78,17 +78,19 @@ struct SafetyParams {
   double max_sigma_m = 0.2;
   double max_sigma_rad = 0.2;
   double max_error_m = 1.0;
-  double explain_m = 0.08;
-  double min_p_exists = 0.8;
   double standing_s = 2.0;
-  double memory_s = 3.0;
-  int min_hits = 2;
   double max_map_age_s = 1.0;
   double max_pose_age_s = 0.5;
-  double max_speed_age_s = 0.5;
-  double turn_memory_s = 10.0;
   double reliable_range_m = 8.0;
   bool must_see_ahead = false;
+
+  // Constants of the method, which are not read from YAML.
+  /// An outline is known from this probability of existence on, and from 0.75 on; an object counts from it on.
+  double min_p_exists = 0.8;
+  /// An unknown hit counts, outside the hard floor, with so many unknown ones near it, itself included.
+  int min_hits = 2;
+  /// The vehicle turns on the spot where all that its footprint may sweep was seen free within this time.
+  double turn_memory_s = 10.0;
 
   template <class Self, class Visit>
   static void fields(Self& self, Visit&& visit) {
@@ -113,25 +115,13 @@ struct SafetyParams {
     visit("max_sigma_rad", self.max_sigma_rad, Bounds{0.001, 3.0}, "rad", "the same of its yaw");
     visit("max_error_m", self.max_error_m, Bounds{0.05, 100.0}, "m",
           "the vehicle stops where it is farther from its path");
-    visit("explain_m", self.explain_m, Bounds{0.0, 1.0}, "m",
-          "a hit is on a chain or an object that is so near, and nearer than sigmas of both");
-    visit("min_p_exists", self.min_p_exists, Bounds{0.0, 1.0}, "",
-          "an outline is known from this probability of existence on, and from 0.75 on; an object counts from it on");
     visit("standing_s", self.standing_s, Bounds{0.0, 1000.0}, "s",
           "what is on a map for so long and does not move is a standing thing, which the vehicle may pass slowly");
-    visit("memory_s", self.memory_s, Bounds{0.0, 1000.0}, "s",
-          "what counted and is out of view since counts for so long");
-    visit("min_hits", self.min_hits, Bounds{1, 100}, "",
-          "an unknown hit counts, outside the hard floor, with so many unknown ones near it, itself included");
     visit("max_map_age_s", self.max_map_age_s, Bounds{0.05, 10.0}, "s",
           "a map that is older than this, or as far ahead of the scan, or whose objects are, is none: the policy is "
           "conservative; an outline that was last seen before that explains no hit");
     visit("max_pose_age_s", self.max_pose_age_s, Bounds{0.05, 10.0}, "s",
           "a covariance of the pose that is older than this, or as far ahead of the scan, is none: the vehicle stops");
-    visit("max_speed_age_s", self.max_speed_age_s, Bounds{0.05, 10.0}, "s",
-          "the same of the measured speed: without it the vehicle counts as driving at its greatest one");
-    visit("turn_memory_s", self.turn_memory_s, Bounds{0.0, 3600.0}, "s",
-          "the vehicle turns on the spot where all that its footprint may sweep was seen free within this time");
     visit("reliable_range_m", self.reliable_range_m, Bounds{0.5, 100.0}, "m",
           "so far the scanner is sure to see a known chain: the vehicle stops where it sees through most of them");
     visit(

@@ -22,7 +22,6 @@ struct ScoutCameraParams {
   double vertical_field_of_view_rad = radians(60.0);
   double pitch_rad = radians(-20.0);
   double range_m = 110.0;
-  double images = 4.0;
   double hiding = 0.06;
 
   template <class Self, class Visit>
@@ -32,8 +31,6 @@ struct ScoutCameraParams {
           "from the upper to the lower edge");
     visit("pitch_rad", self.pitch_rad, Bounds{-1.5, 0.5}, "rad", "of its axis, positive up");
     visit("range_m", self.range_m, Bounds{5.0, 2000.0}, "m", "over the ground, beyond which targets are not found");
-    visit("images", self.images, Bounds{0.1, 1000.0}, "",
-          "of a target in full view, after which it is found by 1 - 1/e");
     visit("hiding", self.hiding, Bounds{0.0, 10.0}, "",
           "c: a target at distance d from below height h is not hidden by exp(-c d / h)");
   }

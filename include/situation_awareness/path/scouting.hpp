@@ -52,14 +52,13 @@ struct ScoutingParams {
   double arrival_m = 5.0;
   double close_up_m = 18.0;
   double close_up_height_m = 12.0;
-  double close_up_gain = 0.3;
   double expected_targets = 12.0;
-  double least_gain = 0.05;
-  double haste_s = 100.0;
-  double cell_m = 10.0;
   double clearance_m = 5.0;
   int routes = 12;
   int changes = 150;
+
+  // Constants of the method, which are not read from YAML.
+  /// Of the random numbers: the same one gives the same mission.
   int seed = 1;
 
   template <class Self, class Visit>
@@ -76,17 +75,10 @@ struct ScoutingParams {
     visit("arrival_m", self.arrival_m, Bounds{0.1, 100.0}, "m", "so near to a way point it is reached");
     visit("close_up_m", self.close_up_m, Bounds{0.5, 1000.0}, "m", "over the ground, of a close-up from its target");
     visit("close_up_height_m", self.close_up_height_m, Bounds{0.5, 1000.0}, "m", "above the ground, of a close-up");
-    visit("close_up_gain", self.close_up_gain, Bounds{0.001, 1000.0}, "",
-          "worth of a close-up, in targets that are found");
     visit("expected_targets", self.expected_targets, Bounds{0.01, 1e5}, "", "in the region");
-    visit("least_gain", self.least_gain, Bounds{1e-6, 1000.0}, "",
-          "targets that a way point is expected to find at least; for less the vehicle goes home");
-    visit("haste_s", self.haste_s, Bounds{1.0, 1e6}, "s", "what is found so much later is worth 1/e");
-    visit("cell_m", self.cell_m, Bounds{1.0, 1000.0}, "m", "edge of the cells in which targets are expected");
     visit("clearance_m", self.clearance_m, Bounds{0.0, 1000.0}, "m", "least distance of ways from obstacles");
     visit("routes", self.routes, Bounds{1, 10000}, "", "random ones from which a plan begins");
     visit("changes", self.changes, Bounds{0, 1000000}, "", "random ones of the best of these");
-    visit("seed", self.seed, Bounds{0, 2147483647}, "", "of the random numbers: the same one gives the same mission");
   }
 
   /// Throws std::invalid_argument naming field and bound.

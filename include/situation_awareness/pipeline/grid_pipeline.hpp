@@ -71,10 +71,8 @@ struct GridPipelineParams {
 /// From label images with poses to a semantic grid and its targets, in one thread, without ROS.
 class GridPipeline {
  public:
-  /// Stamps that go back by more than `reset_time_jump_s` begin a new map (StampOrder). Throws std::invalid_argument
-  /// naming field and bound.
-  GridPipeline(const GridPipelineParams& params, std::shared_ptr<const Elevation> elevation,
-               double reset_time_jump_s = 1.0);
+  /// Throws std::invalid_argument naming field and bound.
+  GridPipeline(const GridPipelineParams& params, std::shared_ptr<const Elevation> elevation);
 
   /// As StampOrder::trust, where another has judged the stamps.
   void trust_stamps() { order_.trust(); }

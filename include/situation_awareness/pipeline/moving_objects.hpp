@@ -20,17 +20,12 @@ namespace situation_awareness {
 /// Parameters of what is kept off the map of polygons because the map of objects follows it.
 struct MoverParams {
   double parked_after_s = 10.0;
-  double min_travel_m = 0.25;
-  double min_speed_m_s = 0.1;
   double margin_m = 0.08;
 
   template <class Self, class Visit>
   static void fields(Self& self, Visit&& visit) {
     visit("parked_after_s", self.parked_after_s, Bounds{0.0, 1e6}, "s",
           "what has moved is kept off the map of polygons until it has stood for so long");
-    visit("min_travel_m", self.min_travel_m, Bounds{0.01, 100.0}, "m",
-          "an object moves once it has travelled so far, and three standard deviations of its position");
-    visit("min_speed_m_s", self.min_speed_m_s, Bounds{0.0, 100.0}, "m/s", "an object that is slower stands");
     visit("margin_m", self.margin_m, Bounds{0.0, 1.0}, "m",
           "hits so far beside the outline of a mover are of it, in addition to two standard deviations");
   }

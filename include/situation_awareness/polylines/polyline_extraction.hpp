@@ -10,18 +10,11 @@ namespace situation_awareness {
 /// Parameters of the extraction of polylines from segments.
 struct PolylineParams {
   double max_offset_m = 0.04;
-  double range_sigma_m = 0.012;
-  double min_incidence_rad = 0.35;
 
   template <class Self, class Visit>
   static void fields(Self& self, Visit&& visit) {
     visit("max_offset_m", self.max_offset_m, Bounds{0.001, 10.0}, "m",
           "maximum distance of a hit from its polyline (Douglas and Peucker); about three times the range noise");
-    visit("range_sigma_m", self.range_sigma_m, Bounds{1e-4, 1.0}, "m",
-          "standard deviation of the ranges, where a scan has too few hits to show it");
-    visit("min_incidence_rad", self.min_incidence_rad, Bounds{0.0, 1.5}, "rad",
-          "at an end beside background, a hit behind its neighbour at less than this angle to the beam is a mixture of "
-          "both surfaces");
   }
 
   /// Throws std::invalid_argument naming field and bound.

@@ -22,38 +22,21 @@ namespace situation_awareness {
 /// Parameters of the pose by GPS and INS.
 struct GpsInsParams {
   InertialNoiseParams imu;
-  bool learn_fix_noise = true;
-  double fix_correlated_share = 0.5;
-  double fix_correlation_s = 20.0;
   double min_fix_sigma_m = 0.02;
   double fix_stamp_sigma_s = 0.01;
-  double gate_probability = 0.9999;
-  double recover_after_s = 10.0;
   double sideslip_sigma_m_s = 0.0;
   double standing_turn_rad_s = 0.0003;
   double max_yaw_sigma_rad = 0.1;
-  double max_tilt_rad = 0.5;
-  double level_wait_s = 5.0;
   double max_imu_gap_s = 1.0;
   double max_delay_s = 1.0;
-  double reset_time_jump_s = 1.0;
 
   template <class Self, class Visit>
   static void fields(Self& self, Visit&& visit) {
     visit("imu", self.imu);
-    visit("learn_fix_noise", self.learn_fix_noise,
-          "learn how the error of fixes is correlated in time; otherwise fix_correlated_share and fix_correlation_s");
-    visit("fix_correlated_share", self.fix_correlated_share, Bounds{0.0, 1.0}, "",
-          "of the variance of a fix, that of errors that are correlated in time; the rest is white");
-    visit("fix_correlation_s", self.fix_correlation_s, Bounds{0.1, 1e4}, "s", "time after which 1/e of them is left");
     visit("min_fix_sigma_m", self.min_fix_sigma_m, Bounds{0.001, 100.0}, "m",
           "standard deviation added to that of each fix, each axis");
     visit("fix_stamp_sigma_s", self.fix_stamp_sigma_s, Bounds{0.0, 1.0}, "s",
           "standard deviation of a fix's stamp against those of the IMU");
-    visit("gate_probability", self.gate_probability, Bounds{0.5, 0.9999999}, "",
-          "probability that a true measurement is used");
-    visit("recover_after_s", self.recover_after_s, Bounds{0.0, 1000.0}, "s",
-          "the pose is doubted instead of the fixes if none was used for this time");
     visit("sideslip_sigma_m_s", self.sideslip_sigma_m_s, Bounds{0.0, 100.0}, "m/s",
           "standard deviation of the velocity sideways of a vehicle that goes where it heads; 0: it need not (wind)");
     visit("standing_turn_rad_s", self.standing_turn_rad_s, Bounds{1e-6, 0.1}, "rad/s",
@@ -61,16 +44,9 @@ struct GpsInsParams {
           "less where what it stands on does not turn");
     visit("max_yaw_sigma_rad", self.max_yaw_sigma_rad, Bounds{0.01, 1.0}, "rad",
           "the pose is ready once the standard deviation of the yaw is well below this, and as long as it is below");
-    visit("max_tilt_rad", self.max_tilt_rad, Bounds{0.05, 1.5}, "rad",
-          "angle at the start between gravity and the base's z, beyond which the IMU must be mounted otherwise than "
-          "said");
-    visit("level_wait_s", self.level_wait_s, Bounds{0.0, 1000.0}, "s",
-          "roll and pitch are taken from gravity without standing or flying level after this time");
     visit("max_imu_gap_s", self.max_imu_gap_s, Bounds{0.01, 100.0}, "s",
           "the pose starts anew after a longer gap between samples of the IMU");
     visit("max_delay_s", self.max_delay_s, Bounds{0.1, 10.0}, "s", "measurements that are later than this are dropped");
-    visit("reset_time_jump_s", self.reset_time_jump_s, Bounds{0.0, 1e6}, "s",
-          "stamps of the IMU that go back by more than this are a restart; those that go back less are refused");
   }
 
   /// Throws std::invalid_argument naming field and bound.

@@ -135,10 +135,8 @@ struct GpsInsModel {
   InertialNoiseParams noise;
   Eigen::Vector3d antenna_imu_m = Eigen::Vector3d::Zero();  ///< from the IMU to the antenna, axes of the base
   Eigen::Vector3d imu_base_m = Eigen::Vector3d::Zero();     ///< of the IMU on the base
-  double gate_probability = 0.9999;
   double min_fix_sigma_m = 0.02;
   double fix_stamp_sigma_s = 0.01;
-  double recover_after_s = 10.0;
   double standing_turn_rad_s = 0.0003;
 };
 

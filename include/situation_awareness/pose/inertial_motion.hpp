@@ -73,7 +73,6 @@ struct InertialNoiseParams {
   double gyroscope_bias_sigma_rad_s = 0.01;
   double accelerometer_bias_walk = 0.0005;
   double gyroscope_bias_walk = 0.00003;
-  double accelerometer_scale_sigma = 0.003;
 
   template <class Self, class Visit>
   static void fields(Self& self, Visit&& visit) {
@@ -89,9 +88,6 @@ struct InertialNoiseParams {
           "of the bias's random walk, each axis");
     visit("gyroscope_bias_walk", self.gyroscope_bias_walk, Bounds{0.0, 1.0}, "rad/s/sqrt(s)",
           "of the bias's random walk, each axis");
-    visit("accelerometer_scale_sigma", self.accelerometer_scale_sigma, Bounds{0.0, 0.1}, "",
-          "standard deviation of the accelerometer's scale and of the angles between its axes; it makes the height "
-          "uncertain where force changes in direction or size");
   }
 
   /// Throws std::invalid_argument naming field and bound.

@@ -16,8 +16,6 @@ namespace situation_awareness {
 struct OdometryTrackParams {
   double max_speed_m_s = 5.0;
   double max_yaw_rate_rad_s = 6.0;
-  double max_extrapolation_s = 0.15;
-  double reset_time_jump_s = 1.0;
 
   template <class Self, class Visit>
   static void fields(Self& self, Visit&& visit) {
@@ -25,10 +23,6 @@ struct OdometryTrackParams {
           "between two poses by odometry; a faster one is a jump, which is no motion");
     visit("max_yaw_rate_rad_s", self.max_yaw_rate_rad_s, Bounds{0.01, 100.0}, "rad/s",
           "between two poses by odometry; a faster one is a jump, which is no motion");
-    visit("max_extrapolation_s", self.max_extrapolation_s, Bounds{0.0, 10.0}, "s",
-          "a pose is extrapolated beyond the latest one for this time at most");
-    visit("reset_time_jump_s", self.reset_time_jump_s, Bounds{0.0, 1e6}, "s",
-          "stamps that go back by more than this are a restart; those that go back less are refused");
   }
 
   /// Throws std::invalid_argument naming field and bound.

@@ -79,9 +79,11 @@ struct WheelErrorParams {
   double distance_scale_sigma = 0.1;
   double yaw_scale_sigma = 0.1;
   double yaw_drift_sigma = 0.015;
-  double scale_drift = 0.001;
-  double relative_drift = 0.2;
+
+  // Constants of the method, which are not read from YAML.
+  /// Error of the motion that replaces a jump of odometry, in each direction.
   double jump_sigma_m = 0.1;
+  /// Error of the turn that replaces a jump of odometry.
   double jump_sigma_rad = 0.1;
 
   template <class Self, class Visit>
@@ -99,14 +101,6 @@ struct WheelErrorParams {
           "standard deviation of the constant relative error of turns; it is estimated");
     visit("yaw_drift_sigma", self.yaw_drift_sigma, Bounds{0.0, 0.5}, "rad/m",
           "standard deviation of the constant turn by distance that odometry misses; it is estimated");
-    visit("scale_drift", self.scale_drift, Bounds{0.0, 1.0}, "1/sqrt(m)",
-          "random change of the constant errors, by distance, of that of turns by turning in rad");
-    visit("relative_drift", self.relative_drift, Bounds{0.0, 1.0}, "1/sqrt(m)",
-          "the same in proportion to the errors: wheels that are wrong by more change by more");
-    visit("jump_sigma_m", self.jump_sigma_m, Bounds{0.0, 10.0}, "m",
-          "error of the motion that replaces a jump of odometry, in each direction");
-    visit("jump_sigma_rad", self.jump_sigma_rad, Bounds{0.0, 3.0}, "rad",
-          "error of the turn that replaces a jump of odometry");
   }
 
   /// Throws std::invalid_argument naming field and bound.
@@ -115,58 +109,23 @@ struct WheelErrorParams {
 
 /// Parameters of localisation by reflectors.
 struct ReflectorLocalizationParams {
-  double gate_probability = 0.999;
-  double min_advantage = 6.0;
-  double model_sigma_m = 0.001;
-  double max_view_m = 8.0;
-  int missing_scans = 25;
-  int moved_scans = 25;
-  double max_move_m = 1.0;
-  double moved_use_s = 10.0;
-  int lost_scans = 12;
-  double lost_sigma_m = 0.03;
-  double lost_sigma_rad = 0.02;
   double max_sigma_m = 1.0;
   double max_sigma_rad = 0.5;
-  int search_scans = 3;
   WheelErrorParams wheels;
   OdometryTrackParams odometry;
-  ReflectorSearchParams search;
+
+  // Constants of the method, which are not read from YAML.
+  /// A moved reflector is used where it stands now, after it has been seen standing there for so long.
+  double moved_use_s = 10.0;
 
   template <class Self, class Visit>
   static void fields(Self& self, Visit&& visit) {
-    visit("gate_probability", self.gate_probability, Bounds{0.5, 0.999999}, "",
-          "probability that a sighting is inside the gate of the reflector that it is of");
-    visit(
-        "min_advantage", self.min_advantage, Bounds{0.0, 1000.0}, "",
-        "a match is ambiguous if other matches contradict it whose cost, the sum of squared Mahalanobis distances and "
-        "of the gate for each sighting left unmatched, is not higher by this");
-    visit("model_sigma_m", self.model_sigma_m, Bounds{0.0, 0.2}, "m",
-          "standard deviation of a reflector's place about that of its sighting, apart from the scanner's errors");
-    visit("max_view_m", self.max_view_m, Bounds{0.1, 1000.0}, "m",
-          "a reflector is missing only where it should be seen nearer than this");
-    visit("missing_scans", self.missing_scans, Bounds{1, 10000}, "",
-          "a reflector is missing after so many scans with beams through its place, less those that saw it");
-    visit("moved_scans", self.moved_scans, Bounds{1, 10000}, "",
-          "a reflector is moved after so many scans in a row that saw one standing near its place instead");
-    visit("max_move_m", self.max_move_m, Bounds{0.0, 100.0}, "m", "a reflector that moved farther is a missing one");
-    visit("moved_use_s", self.moved_use_s, Bounds{0.0, 1e6}, "s",
-          "a moved reflector is used where it stands now, after it has been seen standing there for so long");
-    visit("lost_scans", self.lost_scans, Bounds{1, 10000}, "",
-          "the pose is searched for anew after so many scans in a row that contradict it");
-    visit("lost_sigma_m", self.lost_sigma_m, Bounds{0.0, 10.0}, "m",
-          "error added to the position, in each direction, by a scan that contradicts it");
-    visit("lost_sigma_rad", self.lost_sigma_rad, Bounds{0.0, 3.0}, "rad",
-          "error added to the yaw by a scan that contradicts it");
     visit("max_sigma_m", self.max_sigma_m, Bounds{0.01, 1000.0}, "m",
           "the pose is unknown beyond this standard deviation of the position in its worst direction");
     visit("max_sigma_rad", self.max_sigma_rad, Bounds{0.01, 3.0}, "rad",
           "the pose is unknown beyond this standard deviation of the yaw");
-    visit("search_scans", self.search_scans, Bounds{1, 1000}, "",
-          "a search uses what has been seen standing in so many scans of the last seconds");
     visit("wheels", self.wheels);
     visit("odometry", self.odometry);
-    visit("search", self.search);
   }
 
   /// Throws std::invalid_argument naming field and bound.
@@ -193,7 +152,7 @@ struct ReflectorUpdate {
   std::int64_t stamp_ns = 0;
   bool is_known = false;  ///< the pose is, at this stamp
   /// Why the pose is not known at this stamp: the scan was not used ("scan out of order", "scan of another time", "no
-  /// odometry"), "no pose yet" (fewer than search_scans scans), those of ReflectorPose, "lost" (contradicted until
+  /// odometry"), "no pose yet" (fewer than three scans), those of ReflectorPose, "lost" (contradicted until
   /// nothing was known). Empty if it is known.
   const char* reason = "";
   bool is_found = false;         ///< the pose was found by a search in this update

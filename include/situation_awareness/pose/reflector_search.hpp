@@ -8,34 +8,10 @@
 
 #include <Eigen/Core>
 
-#include "situation_awareness/common/params.hpp"
 #include "situation_awareness/geometry/pose2.hpp"
 #include "situation_awareness/pose/reflector_map.hpp"
 
 namespace situation_awareness {
-
-/// Parameters of the search for a pose without a guess.
-struct ReflectorSearchParams {
-  double gate_probability = 0.999;
-  int min_matches = 3;
-  double min_distance_m = 0.3;
-  double min_advantage = 20.0;
-
-  template <class Self, class Visit>
-  static void fields(Self& self, Visit&& visit) {
-    visit("gate_probability", self.gate_probability, Bounds{0.5, 0.999999}, "",
-          "probability that the place of a reflector is inside the gate of the reflector that it is");
-    visit("min_matches", self.min_matches, Bounds{3, 100}, "", "least number of reflectors that a pose is found by");
-    visit("min_distance_m", self.min_distance_m, Bounds{0.0, 100.0}, "m",
-          "least distance of the pairs of reflectors that a search begins with");
-    visit("min_advantage", self.min_advantage, Bounds{0.0, 1000.0}, "",
-          "a pose is ambiguous if another one has a cost, the sum of squared Mahalanobis distances, with 27.6 for each "
-          "place left unmatched, that is not higher by this");
-  }
-
-  /// Throws std::invalid_argument naming field and bound.
-  void validate() const;
-};
 
 /// Place of what may be a reflector in some frame, such as that of a scan or of odometry.
 struct ReflectorPlace {
@@ -68,9 +44,9 @@ class ReflectorSearch {
   /// Most places that are used: the first.
   static constexpr int kMaxPlaces = 12;
 
-  /// Throws std::invalid_argument as check_reflectors and the params' validate(). Time and memory grow with the square
+  /// Throws std::invalid_argument as check_reflectors. Time and memory grow with the square
   /// of the reflectors, up to 200 MB.
-  ReflectorSearch(const ReflectorMap& map, const ReflectorSearchParams& params);
+  explicit ReflectorSearch(const ReflectorMap& map);
 
   /// Begins a search, or continues the one that is not finished. Reflectors with a true entry in `excluded` (empty:
   /// none) are not matched. No allocation after some calls. The result is overwritten by the next call.
@@ -128,7 +104,6 @@ class ReflectorSearch {
   const ReflectorPose& conclude();
 
   ReflectorMap map_;
-  ReflectorSearchParams params_;
   double gate_, far_gate_;
   std::vector<Pair> pairs_;                                                             ///< by ascending distance
   Eigen::Vector2d low_m_ = Eigen::Vector2d::Zero(), size_m_ = Eigen::Vector2d::Zero();  ///< of the map

@@ -17,8 +17,10 @@ namespace situation_awareness {
 struct ReflectorFitParams {
   double range_sigma_m = 0.012;
   double beam_width_rad = 0.001;
-  double pointing_sigma_rad = 0.0005;
-  double min_bright_part = 0.8;
+
+  // Constants of the method, which are not read from YAML.
+  /// Standard deviation of a range of which no beam is entirely on the reflector, as a part of its difference to that
+  /// of what is beside it: it may be a mean of both.
   double mixed_part = 1.0;
 
   template <class Self, class Visit>
@@ -26,13 +28,6 @@ struct ReflectorFitParams {
     visit("range_sigma_m", self.range_sigma_m, Bounds{1e-4, 0.2}, "m", "standard deviation of a range on a reflector");
     visit("beam_width_rad", self.beam_width_rad, Bounds{0.0, 0.05}, "rad",
           "a beam may see a reflector that its axis passes by half of this");
-    visit("pointing_sigma_rad", self.pointing_sigma_rad, Bounds{0.0, 0.02}, "rad",
-          "standard deviation of the azimuth at which a beam meets a reflector; makes ranges on its flanks uncertain");
-    visit("min_bright_part", self.min_bright_part, Bounds{0.1, 1.0}, "",
-          "least part of the width of a reflector, about its middle, that is bright; its flanks return less light");
-    visit("mixed_part", self.mixed_part, Bounds{0.0, 1.0}, "",
-          "standard deviation of a range of which no beam is entirely on the reflector, as a part of its difference to "
-          "that of what is beside it: it may be a mean of both");
   }
 
   /// Throws std::invalid_argument naming field and bound.
@@ -48,11 +43,11 @@ struct ReflectorDetectionParams {
   double max_radius_m = 0.1;
   double min_range_m = 0.3;
   double max_range_m = 20.0;
-  int max_missing_beams = 1;
-  double max_range_gap_m = 0.2;
-  double flush_step_m = 0.03;
-  double occlusion_margin_m = 0.1;
   ReflectorFitParams fit;
+
+  // Constants of the method, which are not read from YAML.
+  /// What has dim returns on both sides within this range of it is refused (part of a glossy surface); 0: none is.
+  double flush_step_m = 0.03;
 
   template <class Self, class Visit>
   static void fields(Self& self, Visit&& visit) {
@@ -68,16 +63,6 @@ struct ReflectorDetectionParams {
           "what is wider than the thickest reflector can be at its range is refused (a glossy wall)");
     visit("min_range_m", self.min_range_m, Bounds{0.0, 100.0}, "m", "what is nearer is refused");
     visit("max_range_m", self.max_range_m, Bounds{0.1, 1000.0}, "m", "what is farther away is refused");
-    visit("max_missing_beams", self.max_missing_beams, Bounds{0, 10}, "",
-          "most beams in a row without a return within a reflector");
-    visit("max_range_gap_m", self.max_range_gap_m, Bounds{0.01, 10.0}, "m",
-          "greatest difference in range between neighbouring beams of one reflector; single beams, which may be mixed, "
-          "excepted");
-    visit("flush_step_m", self.flush_step_m, Bounds{0.0, 1.0}, "m",
-          "what has dim returns on both sides within this range of it is refused (part of a glossy surface); 0: none "
-          "is");
-    visit("occlusion_margin_m", self.occlusion_margin_m, Bounds{0.0, 10.0}, "m",
-          "a side of a reflector is hidden if the return beside it is nearer by more than this");
     visit("fit", self.fit);
   }
 

@@ -12,11 +12,8 @@
 
 namespace situation_awareness {
 
-/// How well a hit's distance from an element of the map is known.
-struct HitNoise {
-  double sigma_m = 0.03;          ///< in addition to those of both
-  double independent_part = 1.0;  ///< part of the hits whose errors are independent
-};
+/// Part of the hits whose errors are independent. No source is recorded, and its sensitivity was not measured.
+constexpr double kIndependentPart = 0.25;
 
 /// What was drawn now was drawn long before, too: where, by the motion of x, y (m) and yaw (rad) about a place that
 /// brings the one to the other, as A and b of its cost motion' A motion / 2 - b' motion.
@@ -37,7 +34,8 @@ class LoopSearch {
   /// What was hit within this time is not old: it is of the same lap.
   static constexpr double kRecent_s = 4.0;
 
-  explicit LoopSearch(const HitNoise& noise) : noise_(noise) {}
+  /// `hit_sigma_m`: standard deviation of a hit's distance from the boundary, in addition to those of both.
+  explicit LoopSearch(double hit_sigma_m) : hit_sigma_m_(hit_sigma_m) {}
 
   /// Takes a scan that is at `T_map_level` in the map, with the covariance of that place's error in x, y (m) and yaw
   /// (rad). The loop that is to be closed now, if any: some scans agree, and the motion is known well, or what is old
@@ -67,7 +65,7 @@ class LoopSearch {
             const Eigen::Matrix3d& covariance);
   double variance_m2(const Eigen::Vector2d& p_map_m) const;
 
-  HitNoise noise_;
+  double hit_sigma_m_;
   Loop loop_;
   std::int64_t stamp_ns_ = 0;  ///< of the latest scan
 };

@@ -20,44 +20,12 @@
 namespace situation_awareness {
 
 struct MapAlignmentParams {
-  double yaw_drift_rad_sqrt_s = 0.002;
-  double yaw_rate_sigma_rad_s = 0.003;
-  double yaw_rate_drift_rad_s_sqrt_s = 0.0005;
-  double velocity_drift_m_s_sqrt_s = 0.03;
-  double tilt_sigma_rad = 0.02;
-  double tilt_drift_rad_sqrt_s = 0.0003;
-  double tilt_rate_sigma_rad_s = 0.003;
-  double acceleration_sigma_m_s2 = 0.05;
-  double acceleration_drift_m_s2_sqrt_s = 0.003;
-  double velocity_memory_s = 10.0;
   double hit_sigma_m = 0.03;
-  double independent_part = 0.25;
 
   template <class Self, class Visit>
   static void fields(Self& self, Visit&& visit) {
-    visit("yaw_drift_rad_sqrt_s", self.yaw_drift_rad_sqrt_s, Bounds{0.0, 10.0}, "rad/sqrt(s)",
-          "random walk of the yaw by inertial navigation between two scans");
-    visit("yaw_rate_sigma_rad_s", self.yaw_rate_sigma_rad_s, Bounds{0.0, 10.0}, "rad/s",
-          "standard deviation of the error of the rate of turn at the start");
-    visit("yaw_rate_drift_rad_s_sqrt_s", self.yaw_rate_drift_rad_s_sqrt_s, Bounds{0.0, 10.0}, "rad/s/sqrt(s)",
-          "its random walk");
-    visit("velocity_drift_m_s_sqrt_s", self.velocity_drift_m_s_sqrt_s, Bounds{0.0, 100.0}, "m/s/sqrt(s)",
-          "random walk of the velocity by inertial navigation between two scans");
-    visit("tilt_sigma_rad", self.tilt_sigma_rad, Bounds{0.0, 1.0}, "rad",
-          "standard deviation of the error of the tilt by inertial navigation at the start, each axis");
-    visit("tilt_drift_rad_sqrt_s", self.tilt_drift_rad_sqrt_s, Bounds{0.0, 1.0}, "rad/sqrt(s)", "its random walk");
-    visit("tilt_rate_sigma_rad_s", self.tilt_rate_sigma_rad_s, Bounds{0.0, 1.0}, "rad/s",
-          "standard deviation of the error of the rate of roll and pitch");
-    visit("acceleration_sigma_m_s2", self.acceleration_sigma_m_s2, Bounds{0.0, 100.0}, "m/s^2",
-          "standard deviation of the bias of the acceleration, in the scanner's level axes, at the start");
-    visit("acceleration_drift_m_s2_sqrt_s", self.acceleration_drift_m_s2_sqrt_s, Bounds{0.0, 100.0}, "m/s^2/sqrt(s)",
-          "its random walk");
-    visit("velocity_memory_s", self.velocity_memory_s, Bounds{0.01, 1e4}, "s",
-          "time for which the error of the velocity by GPS and INS lasts");
     visit("hit_sigma_m", self.hit_sigma_m, Bounds{0.001, 10.0}, "m",
           "standard deviation of a hit's distance from the boundary, in addition to those of both");
-    visit("independent_part", self.independent_part, Bounds{0.001, 1.0}, "",
-          "part of the hits whose errors are independent");
   }
 
   /// Throws std::invalid_argument naming field and bound.
@@ -95,7 +63,7 @@ class MapAlignment {
  public:
   /// Throws std::invalid_argument naming field and bound.
   explicit MapAlignment(const MapAlignmentParams& params)
-      : params_((params.validate(), params)), loops_({params.hit_sigma_m, params.independent_part}) {}
+      : params_((params.validate(), params)), loops_(params.hit_sigma_m) {}
 
   /// Places a scan in the map, whose T_world_level is T_odom_level, and sets that to T_map_level. Returns the
   /// covariance of the scan's place in the map.

@@ -51,9 +51,9 @@ class InertialInput {
  public:
   using Context = StageContext<sensor_msgs::LaserScan, InertialScan>;
 
-  /// A stamp of a scan that goes back by more than `reset_time_jump_s` is a restart. Throws std::invalid_argument as
-  /// the parameters' check.
-  InertialInput(Context& context, const GpsInsNodeletParams& params, double reset_time_jump_s);
+  /// A stamp of a scan that goes back by more than StampOrder::kResetTimeJump_s is a restart. Throws
+  /// std::invalid_argument as the parameters' check.
+  InertialInput(Context& context, const GpsInsNodeletParams& params);
   InertialInput(const InertialInput&) = delete;
   InertialInput& operator=(const InertialInput&) = delete;
 

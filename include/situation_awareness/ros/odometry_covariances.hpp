@@ -30,7 +30,7 @@ class OdometryCovariances {
 
  private:
   std::map<std::int64_t, CameraPoseCovariance> covariances_;
-  StampOrder order_{1.0};
+  StampOrder order_;
   std::size_t unknown_ = 0, refused_ = 0;
 };
 

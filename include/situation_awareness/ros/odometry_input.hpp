@@ -45,10 +45,9 @@ class OdometryInput {
         add;
   };
 
-  /// `frames`: those of the messages if empty. A stamp of a scan that goes back by more than `reset_time_jump_s` is a
-  /// restart.
-  OdometryInput(Context& context, const NodeletParams& params, const OdometryFrames& frames, double reset_time_jump_s,
-                Use use);
+  /// `frames`: those of the messages if empty. A stamp of a scan that goes back by more than
+  /// StampOrder::kResetTimeJump_s is a restart.
+  OdometryInput(Context& context, const NodeletParams& params, const OdometryFrames& frames, Use use);
   OdometryInput(const OdometryInput&) = delete;
   OdometryInput& operator=(const OdometryInput&) = delete;
 

@@ -53,17 +53,15 @@ class PosedInput {
     std::function<void()> restarted;                    ///< called after a restart of stamps
   };
 
-  /// Stamps that go back by more than `reset_time_jump_s` are a restart (StampOrder); `pose_offset_s` later than a
-  /// measurement is its pose.
-  PosedInput(Context& context, const NodeletParams& params, double reset_time_jump_s, double pose_offset_s, Use use)
+  /// `pose_offset_s` later than a measurement is its pose.
+  PosedInput(Context& context, const NodeletParams& params, double pose_offset_s, Use use)
       : context_(context),
         use_(std::move(use)),
         max_stamp_ahead_s_(params.max_stamp_ahead_s),
         tf_(transform_cache_time(params.tf_timeout_s)),
         transform_age_(tf_, params.world_frame),
         queue_(tf_,
-               {params.world_frame, params.tf_timeout_s, static_cast<std::size_t>(params.queue_size), reset_time_jump_s,
-                pose_offset_s},
+               {params.world_frame, params.tf_timeout_s, static_cast<std::size_t>(params.queue_size), pose_offset_s},
                [this](const char* reason, const std::string& detail) { context_.drop(reason, detail); }),
         transform_input_(tf_, context.node(), [this] { on_transforms(); }) {
     context.diagnostics().on_report([this](StageDiagnostics::Status& status) { transform_age_.report(status); });

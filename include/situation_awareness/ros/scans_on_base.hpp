@@ -41,7 +41,6 @@ class ScansOnBase {
     bool deskew = true;
     double timeout_s = 0.5;            ///< how long a scan waits for its poses
     std::size_t max_waiting = 20;      ///< scans
-    double reset_time_jump_s = 1.0;    ///< stamps of scans that go back by more are a restart
     double max_stamp_ahead_s = 600.0;  ///< of ROS time
   };
   struct Use {

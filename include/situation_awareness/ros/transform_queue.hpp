@@ -33,9 +33,8 @@ constexpr std::int64_t kEndOfTime_ns = std::numeric_limits<std::int64_t>::max();
 
 struct TransformQueueParams {
   std::string world_frame;
-  double timeout_s = 0.5;          ///< how long a measurement waits for its transforms
-  std::size_t max_waiting = 20;    ///< measurements; beyond it, the newest replaces the previous one
-  double reset_time_jump_s = 1.0;  ///< stamps that go back by more are a restart, by less they are refused
+  double timeout_s = 0.5;        ///< how long a measurement waits for its transforms
+  std::size_t max_waiting = 20;  ///< measurements; beyond it, the newest replaces the previous one
   double pose_offset_s = 0.0;   ///< from a measurement's times to those of its poses; positive ones are waited for, too
   std::string base_frame = {};  ///< its pose at the first instant is waited for, too; empty: none is
 };
@@ -98,10 +97,7 @@ class TransformQueue {
   /// `transforms` must outlive this; it is cleared on a restart of time. Throws std::invalid_argument naming field
   /// and bound.
   TransformQueue(tf2::BufferCore& transforms, TransformQueueParams params, OnDrop on_drop)
-      : transforms_(transforms),
-        params_(std::move(params)),
-        in_order_(params_.reset_time_jump_s),
-        on_drop_(std::move(on_drop)) {
+      : transforms_(transforms), params_(std::move(params)), on_drop_(std::move(on_drop)) {
     if (params_.world_frame.empty()) throw std::invalid_argument("world_frame is empty");
     if (!(params_.timeout_s >= 0.0)) throw std::invalid_argument("timeout_s is not a number >= 0");
     if (!std::isfinite(params_.pose_offset_s)) throw std::invalid_argument("pose_offset_s is not finite");

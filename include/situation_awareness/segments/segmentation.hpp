@@ -16,16 +16,17 @@ struct SegmentationParams {
   int min_points = 4;
   int min_narrow_points = 3;
   double max_object_extent_m = 1.6;
-  double max_concavity_m = 0.03;
-  double max_structure_offset_m = 0.06;
-  double max_straight_rms_m = 0.008;
-  double flat_extent_m = 0.4;
   double min_bulge = 0.1;
   bool free_faces = true;
-  double occlusion_margin_m = 0.05;
   double max_division_offset_m = 0.06;
-  double max_line_offset_m = 0.05;
+
+  // Constants of the method, which are not read from YAML.
+  /// An end of a segment is occluded if the return beside it is nearer by more than this.
+  double occlusion_margin_m = 0.05;
+  /// Minimum number of hits of a straight piece of a structure.
   int min_line_points = 5;
+  /// Maximum distance of the hits of a straight piece of a structure from its line; about five times the range noise.
+  double max_line_offset_m = 0.05;
 
   template <class Self, class Visit>
   static void fields(Self& self, Visit&& visit) {
@@ -46,19 +47,6 @@ struct SegmentationParams {
           kLive);
     visit("max_object_extent_m", self.max_object_extent_m, Bounds{0.01, 100.0}, "m",
           "maximum extent of an object; a larger segment is structure", kLive);
-    visit("max_concavity_m", self.max_concavity_m, Bounds{0.0, 10.0}, "m",
-          "maximum mean distance of an object's points behind the chord of its ends, seen from the sensor; a segment "
-          "with more is structure (an inner corner), with free_faces only if not both ends have something farther away "
-          "beside them");
-    visit("max_structure_offset_m", self.max_structure_offset_m, Bounds{0.0, 10.0}, "m",
-          "a partially occluded segment with all points within this distance of the line of a neighbouring structure "
-          "is part of that structure");
-    visit(
-        "max_straight_rms_m", self.max_straight_rms_m, Bounds{0.0, 10.0}, "m",
-        "a partially occluded segment whose RMS distance from a line is below this is structure; between two occluders "
-        "below 1.6 times the range noise that the scan shows, if that is more");
-    visit("flat_extent_m", self.flat_extent_m, Bounds{0.0, 100.0}, "m",
-          "minimum extent of a flat segment that is structure (the front of a wall or a cabinet)");
     visit("min_bulge", self.min_bulge, Bounds{0.0, 1.0}, "",
           "a segment is flat if its RMS distance from a line and its sagitta are both below this fraction of half its "
           "length; 0: none is",
@@ -66,16 +54,9 @@ struct SegmentationParams {
     visit(
         "free_faces", self.free_faces,
         "a flat segment with both edges visible is an object, the face of a box, not structure; with detections/boxes");
-    visit("occlusion_margin_m", self.occlusion_margin_m, Bounds{0.0, 10.0}, "m",
-          "an end of a segment is occluded if the return beside it is nearer by more than this");
     visit("max_division_offset_m", self.max_division_offset_m, Bounds{0.0, 10.0}, "m",
           "in a segment that contains several objects, hits within this distance of a mapped object's outline are "
           "assigned to it; 0: no segment is divided");
-    visit("max_line_offset_m", self.max_line_offset_m, Bounds{0.001, 10.0}, "m",
-          "maximum distance of the hits of a straight piece of a structure from its line; about five times the range "
-          "noise");
-    visit("min_line_points", self.min_line_points, Bounds{3, 1000}, "",
-          "minimum number of hits of a straight piece of a structure");
   }
 
   /// Throws std::invalid_argument naming field and bound.

@@ -9,6 +9,10 @@
 
 namespace situation_awareness {
 
+/// m. A partially occluded segment with all points within this distance of the line of a neighbouring structure is part
+/// of that structure. No source is recorded, and its sensitivity was not measured.
+constexpr double kMaxStructureOffset_m = 0.06;
+
 /// Reason why a segment is structure by its own hits and ends, without its neighbours; kNone if it may be an object.
 /// `segment` need not be one of `segments`, but its points are, and their range noise is known.
 StructureReason structure_reason(const Segments& segments, const Segment& segment, const SegmentationParams& params);

@@ -16,6 +16,19 @@
 namespace situation_awareness {
 namespace {
 
+// Where no source is named, none is recorded; the sensitivity of these was not measured.
+
+/// Weight of evidence against the class, as what is hidden by something unknown looks like nothing.
+constexpr double kNegativeWeight = 0.4;
+/// Weight of a column that shows the class in a part only: at an edge, or partly hidden.
+constexpr double kPartialWeight = 0.7;
+/// Weight of a cell's evidence: an image counts 1 at most, and after so many older ones fade.
+constexpr double kMaxWeight = 100.0;
+/// Evidence of which half makes a cell of the class, however weak all is around it.
+constexpr double kLeastMean = 0.5;
+/// m. Step between the nine errors of the elevation that are tried.
+constexpr double kOffsetStep_m = 0.5;
+
 constexpr int kOffsets = GridMap::kOffsets;
 constexpr double kLeastDepth_m = 0.1;
 constexpr float kLeastLabel = 0.2F;  ///< columns that see no pixel above it are not of the class
@@ -510,7 +523,7 @@ class GridMap::Impl {
     ground_ = params.smooth_m > 0.0 ? std::make_shared<Elevation>(elevation_->smoothed(params.smooth_m)) : elevation_;
     heights_per_offset_ = std::max(1, static_cast<int>(std::lround(params.class_height_m / kHeightStep_m)));
     height_step_m_ = params.class_height_m / heights_per_offset_;
-    steps_per_offset_ = std::max(1, static_cast<int>(std::lround(params.offset_step_m / height_step_m_)));
+    steps_per_offset_ = std::max(1, static_cast<int>(std::lround(kOffsetStep_m / height_step_m_)));
     soft_column_.resize(static_cast<std::size_t>((kOffsets - 1) * steps_per_offset_ + heights_per_offset_ + 1));
     for (std::vector<float>* const values : {&column_, &least_, &greatest_, &soft_least_}) {
       values->resize(soft_column_.size());
@@ -702,7 +715,7 @@ class GridMap::Impl {
     for (std::size_t i = 0; i < of_class.size(); ++i) {
       const std::size_t cell = of_class[i];
       if (!is_noisy) greatest[i] = greatest_around(sharp, cell);
-      const float around = std::max(greatest[i], static_cast<float>(params_.least_mean));
+      const float around = std::max(greatest[i], static_cast<float>(kLeastMean));
       const float part = mean[cell] / around;
       if (part > 0.5F && is_of_something_nearer(grid, cell, believed)) continue;
       grid.probability[cell] = static_cast<float>(probability_by(static_cast<double>(part)));
@@ -1001,8 +1014,8 @@ class GridMap::Impl {
       ++observed.images[i];
       ++done.observed_cells;
     }
-    const int count = situation_awareness::add_nothing(row, shows_nothing, params_.negative_weight,
-                                                       static_cast<float>(params_.max_weight), observed.row(first));
+    const int count = situation_awareness::add_nothing(row, shows_nothing, kNegativeWeight,
+                                                       static_cast<float>(kMaxWeight), observed.row(first));
     observed.is_any_known = observed.is_any_known || count > 0;
     done.observed_cells += static_cast<std::size_t>(count);
   }
@@ -1057,7 +1070,7 @@ class GridMap::Impl {
   void add_direction(Observed& observed, std::size_t cell, const Eigen::Vector3f& along, float turn) const {
     Directions seen = observed.seen(cell);
     seen.add(along, turn);
-    const auto most = static_cast<float>(params_.max_weight);
+    const auto most = static_cast<float>(kMaxWeight);
     if (seen.turned > most) {
       const float part = most / seen.turned;
       seen.scale(part);
@@ -1085,7 +1098,7 @@ class GridMap::Impl {
     evidence.sharp_sum[offset] += static_cast<float>(weight * sharp);
     evidence.soft_sum[offset] += static_cast<float>(weight * soft);
     evidence.weight[offset] += static_cast<float>(weight);
-    const auto most = static_cast<float>(params_.max_weight);
+    const auto most = static_cast<float>(kMaxWeight);
     if (evidence.weight[offset] <= most) return;
     evidence.sharp_sum[offset] *= most / evidence.weight[offset];
     evidence.soft_sum[offset] *= most / evidence.weight[offset];
@@ -1101,8 +1114,8 @@ class GridMap::Impl {
   /// Adds an image that shows nothing of the class to a cell on which one did.
   void add_nothing(Observed& observed, const Sight& sight) {
     Evidence& evidence = *observed.find(sight.cell);
-    const double weight = params_.negative_weight * sight.seen, turned = static_cast<double>(sight.turn);
-    const auto most = static_cast<float>(params_.max_weight), added = static_cast<float>(weight);
+    const double weight = kNegativeWeight * sight.seen, turned = static_cast<double>(sight.turn);
+    const auto most = static_cast<float>(kMaxWeight), added = static_cast<float>(weight);
     for (std::size_t offset = 0; offset < kOffsets; ++offset) {
       const float before = evidence.weight[offset], sum = evidence.soft_sum[offset] / before;
       all_[offset] += turned * weight * static_cast<double>(before > 0.0F ? sum : 0.0F);
@@ -1168,8 +1181,8 @@ class GridMap::Impl {
       any_added = true;
       const double sharp = std::clamp(0.5 + kContrast * (static_cast<double>(least / peak) - 0.5), 0.0, 1.0);
       const double weight = seen * (least > 0.5F * peak      ? 1.0
-                                    : greatest > 0.5F * peak ? params_.partial_weight
-                                                             : params_.negative_weight);
+                                    : greatest > 0.5F * peak ? kPartialWeight
+                                                             : kNegativeWeight);
       const auto soft = static_cast<double>(soft_least), before = static_cast<double>(evidence.soft(i));
       if (!is_first) {
         shared_[i] += turned * weight * std::min(soft, before);

@@ -14,6 +14,11 @@
 namespace situation_awareness {
 namespace {
 
+// Where no source is named, none is recorded; the sensitivity of these was not measured.
+
+/// m. Clusters that are nearer to each other and of which one is less than half as large are one target.
+constexpr double kFragment_m = 2.5;
+
 constexpr double kFragment = 0.5;      ///< of the area of a thing, at most
 constexpr double kFarthestSame = 1.5;  ///< of same_m, at most, where the pose is known badly
 constexpr double kSameProbability = 0.99;
@@ -164,7 +169,7 @@ bool GridTracks::is_one_with(const Track& track, const GridTarget& target) const
     if (off_m.dot(S.inverse() * off_m) < same_gate_) return true;
   }
   const auto [less_m2, more_m2] = std::minmax(track.cluster.area_m2, target.area_m2);
-  return distance_m < params_.fragment_m && less_m2 < kFragment * more_m2;
+  return distance_m < kFragment_m && less_m2 < kFragment * more_m2;
 }
 
 void GridTracks::add_view(Track& track, const PinholeCamera& camera, const Eigen::Isometry3d& T_world_camera,

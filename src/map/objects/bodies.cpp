@@ -12,12 +12,21 @@ using namespace object_state;
 
 namespace {
 
+// Where no source is named, none is recorded; the sensitivity of these was not measured.
+
+/// m. Maximum mean radius of an element that may be part of a body (a limb).
+constexpr double kMaxPartRadius_m = 0.15;
+/// m. Maximum gap between a part and its body.
+constexpr double kMaxPartGap_m = 0.3;
+/// m. Distance that two elements must move together to become one body.
+constexpr double kMinPartTravel_m = 0.4;
+
 // No source is recorded for any of these; the bounds are those of bodies_test. In flights, half and twice each value
 // change no figure beyond chance.
 
 /// Factor on the mean radius by which an element is the larger of two. No test bounds it.
 constexpr double kLargerRadius = 1.5;
-/// Factor on max_part_gap_m: beyond it a part is released from its body. From 1.7 to 2.3.
+/// Factor on kMaxPartGap_m: beyond it a part is released from its body. From 1.7 to 2.3.
 constexpr double kPartingGap = 2.0;
 /// Fraction of the body's displacement that its part must share. Above 0, at most 1.
 constexpr double kSameWay = 0.5;
@@ -75,22 +84,21 @@ const BodyJoiner::Body* BodyJoiner::nearest_body(const MapElement& part, const E
   return nearest;
 }
 
-void BodyJoiner::join_parts(std::int64_t stamp_ns, const ObjectMapParams& params, std::vector<MapElement>& elements) {
+void BodyJoiner::join_parts(std::int64_t stamp_ns, std::vector<MapElement>& elements) {
   find_bodies(stamp_ns, elements);
   for (MapElement& part : elements) {
     if (part.last_seen_ns != stamp_ns || part.state == TrackState::kDeleted) continue;
     const Ellipse ellipse = ellipse_world(likelier(part.estimate).x);
     if (part.is_part) {
       const MapElement* const body = find_element(part.body, elements);
-      if (body != nullptr &&
-          gap_m(ellipse_world(combine(body->estimate).x), ellipse) <= kPartingGap * params.max_part_gap_m) {
+      if (body != nullptr && gap_m(ellipse_world(combine(body->estimate).x), ellipse) <= kPartingGap * kMaxPartGap_m) {
         continue;
       }
       part.is_part = false;
       part.body = 0;
     }
-    if (mean_radius_m(ellipse) > params.max_part_radius_m) continue;
-    const Body* const nearest = nearest_body(part, ellipse, params.max_part_gap_m, elements);
+    if (mean_radius_m(ellipse) > kMaxPartRadius_m) continue;
+    const Body* const nearest = nearest_body(part, ellipse, kMaxPartGap_m, elements);
     if (nearest == nullptr) {
       part.body = 0;
       continue;
@@ -105,7 +113,7 @@ void BodyJoiner::join_parts(std::int64_t stamp_ns, const ObjectMapParams& params
     const Eigen::Vector2d body_way_m = body_center_m - part.body_met_world_m;
     const Eigen::Vector2d way_m = ellipse.center_m - part.met_world_m;
     const bool together =
-        body_way_m.norm() >= params.min_part_travel_m && way_m.dot(body_way_m) >= kSameWay * body_way_m.squaredNorm();
+        body_way_m.norm() >= kMinPartTravel_m && way_m.dot(body_way_m) >= kSameWay * body_way_m.squaredNorm();
     // A body with parts may have another; an element that stood there before is none.
     const bool limb = body.has_parts && (part.observations == 1 || part.mobile);
     if (!together && !limb) continue;

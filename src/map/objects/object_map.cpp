@@ -19,6 +19,24 @@ using namespace object_state;
 
 namespace {
 
+// Where no source is named, none is recorded; the sensitivity of these was not measured.
+
+/// 1/s. Transition rate from standing to moving of an object that has not been observed to move.
+constexpr double kObjectStartRate_1_s = 0.005;
+/// 1/s. Transition rate from standing to moving of an object that has moved, or has not been observed to stand for long
+/// yet.
+constexpr double kRestartRate_1_s = 0.5;
+/// 1/s. Transition rate from moving to standing.
+constexpr double kObjectStopRate_1_s = 0.1;
+/// m/s. Prior standard deviation, per axis, of the velocity of a new object and of one that starts to move (ellipse
+/// paper, eq. 17).
+constexpr double kStartVelocitySigma_m_s = 1.0;
+/// rad/s. Prior standard deviation of the angular velocity of a new object and of one that starts to move (ellipse
+/// paper, eq. 19).
+constexpr double kStartAngularVelocitySigma_rad_s = 0.3;
+/// Factor on the standard deviations of a detection with an occluded end.
+constexpr double kHiddenEndFactor = 3.0;
+
 // Each constant with its unit, its source and its sensitivity. Where no source is named, none is recorded. Unless
 // figures are named, half and twice the value change none beyond chance in flights (scripts/evaluate constants).
 
@@ -92,7 +110,7 @@ void pass_id_on(std::size_t piece, std::vector<MapElement>& elements, std::vecto
 
 }  // namespace
 
-ObjectMap::ObjectMap(const ObjectMapParams& params) : params_(params), order_(params.reset_time_jump_s) {
+ObjectMap::ObjectMap(const ObjectMapParams& params) : params_(params) {
   set_params(params);
   work_.standing = standing({});  // has its room before any scan needs it
 }
@@ -105,7 +123,6 @@ void ObjectMap::set_params(const ObjectMapParams& params) {
   }
   wake_all();  // with the parameters of the time until now
   params_ = params;
-  order_.set_reset_time_jump_s(params_.reset_time_jump_s);
   gate_ = chi_square_quantile(params_.gate_probability, kMeasurementSize);
   const bool circle = params_.shape == "circle";
   const double density = std::sqrt(2.0 * kManoeuvre_s);
@@ -116,10 +133,10 @@ void ObjectMap::set_params(const ObjectMapParams& params) {
   motion_.standing = motion_.moving;
   motion_.standing.acceleration = motion_.standing.angular_acceleration = 0.0;
   motion_.standing.position = params_.standing_drift_m;
-  motion_.start_rate_1_s = params_.start_rate_1_s;
-  motion_.stop_rate_1_s = params_.stop_rate_1_s;
-  motion_.start_velocity_sigma = params_.start_velocity_sigma_m_s;
-  motion_.start_angular_velocity_sigma = circle ? 0.0 : params_.start_angular_velocity_sigma_rad_s;
+  motion_.start_rate_1_s = kObjectStartRate_1_s;
+  motion_.stop_rate_1_s = kObjectStopRate_1_s;
+  motion_.start_velocity_sigma = kStartVelocitySigma_m_s;
+  motion_.start_angular_velocity_sigma = circle ? 0.0 : kStartAngularVelocitySigma_rad_s;
 }
 
 /// U: the covariance of the level frame's pose. An error of the stamps shifts it along its own motion.
@@ -151,7 +168,7 @@ MotionParams ObjectMap::motion_of(const MapElement& element) const {
   const double unsettled = is_settled(element) ? 0.0
                            : element.mobile    ? 1.0
                                                : std::exp(-element.stood_s / kRestartDecay_s);
-  motion.start_rate_1_s += unsettled * (params_.restart_rate_1_s - motion.start_rate_1_s);
+  motion.start_rate_1_s += unsettled * (kRestartRate_1_s - motion.start_rate_1_s);
   return motion;
 }
 
@@ -159,7 +176,7 @@ MotionParams ObjectMap::motion_of(const MapElement& element) const {
 Measurement ObjectMap::widened(const Detection& detection) const {
   Measurement measurement = measurement_of(detection);
   measurement.R *= noise_;
-  if (detection.hidden_end) measurement.R *= params_.hidden_end_factor * params_.hidden_end_factor;
+  if (detection.hidden_end) measurement.R *= kHiddenEndFactor * kHiddenEndFactor;
   measurement.R.diagonal().array() += params_.measurement_sigma_m * params_.measurement_sigma_m;
   return measurement;
 }
@@ -219,7 +236,7 @@ ObjectMapUpdate ObjectMap::update(const Detections& detections, ObjectMapUpdate 
   std::sort(work_.newly_confirmed.begin(), work_.newly_confirmed.end());
   re_identify(work_.newly_confirmed, common_shape, gate_, stamp_ns(), elements_);
   work_.people.join_legs(stamp_ns(), step_s_, motion_, gate_, elements_);
-  work_.body_joiner.join_parts(stamp_ns(), params_, elements_);
+  work_.body_joiner.join_parts(stamp_ns(), elements_);
   delete_elements(report);
   return report;
 }

@@ -13,6 +13,11 @@
 namespace situation_awareness {
 namespace {
 
+// Where no source is named, none is recorded; the sensitivity of these was not measured.
+
+/// s. After a longer gap between scans nothing is known of what was watched.
+constexpr double kAbsence_s = 2.0;
+
 /// Cosine between the normals of a hit and of the element it is on, at least.
 constexpr double kFaces = 0.5;
 /// The same of a hit without a normal: what is along its beam is seen.
@@ -568,7 +573,7 @@ PolygonMapUpdate PolygonMap::update(const Polylines& polylines, const Eigen::Mat
   step_s_ =
       stamp_ns_ == std::numeric_limits<std::int64_t>::min() ? 0.0 : seconds_between(stamp_ns_, polylines.stamp_ns);
   stamp_ns_ = polylines.stamp_ns;
-  if (step_s_ > params_.absence_s) {
+  if (step_s_ > kAbsence_s) {
     for (Watch& watch : watches_) watch.free_space.range_m.clear();
     step_s_ = 0.0;
   }

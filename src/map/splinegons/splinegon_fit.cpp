@@ -15,6 +15,19 @@
 namespace situation_awareness {
 namespace {
 
+// Where no source is named, none is recorded; the sensitivity of these was not measured.
+
+/// m. Least mean distance of main vertices of an open boundary: a short one has fewer.
+constexpr double kLeastSpacing_m = 0.8;
+/// Largest distance of main vertices along the boundary, over their mean distance.
+constexpr double kSpacingRatio = 2.5;
+/// rad. Least break of the tangent that is a corner.
+constexpr double kCornerAngle_rad = 0.75;
+/// m. Length of the boundary to either side in which a corner's sides are compared with an arc.
+constexpr double kCornerWindow_m = 1.2;
+/// Standard deviations beyond which an element's distance counts linearly (Huber).
+constexpr double kHuberSigmas = 2.0;
+
 /// Elements and length in m of a boundary, at least.
 constexpr std::size_t kFewestElements = 6;
 constexpr double kShortest_m = 0.2;
@@ -283,7 +296,7 @@ void SplinegonFit::BandMatrix::invert(BandMatrix& inverse) const {
 void SplinegonFitParams::validate() const { check_bounds(*this, "splinegon_fit"); }
 
 SplinegonFit::SplinegonFit(const SplinegonFitParams& params)
-    : params_((params.validate(), params)), tan_of_straight_(std::tan(kStraightPart * params.corner_angle_rad)) {}
+    : params_((params.validate(), params)), tan_of_straight_(std::tan(kStraightPart * kCornerAngle_rad)) {}
 
 SplinegonFitQuality SplinegonFit::fit(const std::vector<SplinegonElement>& elements, bool closed,
                                       double common_variance_m2, std::vector<SplinegonVertex>& vertices,
@@ -423,7 +436,7 @@ std::size_t SplinegonFit::wanted_nodes() const {
   const auto most = static_cast<std::size_t>(params_.vertices);
   const std::size_t determined = points_m_.size() / kElementsOfVertex;
   if (closed_) return std::clamp<std::size_t>(determined, kFewestOfClosed, most);
-  const auto fitting = static_cast<std::size_t>(std::lround(perimeter_m_ / params_.least_spacing_m)) + 1;
+  const auto fitting = static_cast<std::size_t>(std::lround(perimeter_m_ / kLeastSpacing_m)) + 1;
   return std::clamp<std::size_t>(std::min(fitting, determined), 2, most);
 }
 
@@ -438,7 +451,7 @@ bool SplinegonFit::corner_after(std::size_t last, Corner& corner) const {
   const std::size_t start = last + 1 < n ? last + 1 : 0;
   std::array<double, kCornerWindows.size()> windows_m{};
   std::transform(kCornerWindows.begin(), kCornerWindows.end(), windows_m.begin(),
-                 [&](double part) { return part * params_.corner_window_m; });
+                 [&](double part) { return part * kCornerWindow_m; });
   if (way_m(last, start) > windows_m.front()) return false;
   const Eigen::Vector2d middle_m = points_m_[last];
   // The sums of a window are a part of those of the next larger one.
@@ -475,7 +488,7 @@ bool SplinegonFit::corner_between(std::size_t last, double window_m, const Corne
   const LineSums &left = left_side.sums, &right = right_side.sums;
   const Eigen::Vector2d middle_m = points_m_[last];
   const double near_m = 0.5 * window_m;
-  const std::size_t fewest = window_m < params_.corner_window_m ? kFewestOfShortSide : kFewestOfSide;
+  const std::size_t fewest = window_m < kCornerWindow_m ? kFewestOfShortSide : kFewestOfSide;
   if (left.n < fewest || right.n < fewest || way_m(first, last) < 0.5 * window_m ||
       way_m(start, end) < 0.5 * window_m) {
     return false;
@@ -489,7 +502,7 @@ bool SplinegonFit::corner_between(std::size_t last, double window_m, const Corne
   const auto turn_of = [](const LineSums::Line& from, const LineSums::Line& to) {
     return std::atan2(left_of(from.along).dot(to.along), from.along.dot(to.along));
   };
-  if (std::abs(turn_of(a, b)) < kStraightPart * params_.corner_angle_rad) return false;
+  if (std::abs(turn_of(a, b)) < kStraightPart * kCornerAngle_rad) return false;
   // Both lines again, without what is far from them.
   const auto again = [&](LineSums::Line& line, LineSums& near, std::size_t from, std::size_t to) {
     for (int round = 0; round < 2; ++round) {
@@ -498,7 +511,7 @@ bool SplinegonFit::corner_between(std::size_t last, double window_m, const Corne
         const Eigen::Vector2d v = points_m_[i] - middle_m;
         const double sigmas = std::abs(left_of(line.along).dot(v - line.mean)) * misfit_weight(weights_[i]);
         const double weight = misfit_weight(weights_[i]) * misfit_weight(weights_[i]) *
-                              std::min(1.0, params_.huber_sigmas / std::max(sigmas, 1e-12));
+                              std::min(1.0, kHuberSigmas / std::max(sigmas, 1e-12));
         sums.add(v, weight);
         if (round > 0 && (to == last ? way_m(i, last) : way_m(start, i)) < near_m) near.add(v, weight);
         if (i == to) break;
@@ -521,7 +534,7 @@ bool SplinegonFit::corner_between(std::size_t last, double window_m, const Corne
   again(a, near_left, first, last);
   again(b, near_right, start, end);
   const double turn_rad = turn_of(a, b);
-  if (std::abs(turn_rad) < params_.corner_angle_rad) return false;
+  if (std::abs(turn_rad) < kCornerAngle_rad) return false;
   // A bend turns half as much in half the window.
   if (near_left.n >= 3 && near_right.n >= 3) {
     LineSums::Line near_a = near_left.line(), near_b = near_right.line();
@@ -560,7 +573,7 @@ bool SplinegonFit::corner_between(std::size_t last, double window_m, const Corne
         kMostChi2);
     if (i == end) break;
   }
-  const double gain = window_m < params_.corner_window_m ? kShortCornerGain : kCornerGain;
+  const double gain = window_m < kCornerWindow_m ? kShortCornerGain : kCornerGain;
   if (arc_chi2 < lines_chi2 + gain || arc_chi2 < 1.5 * lines_chi2) return false;
   // Where the lines meet.
   const double along_m = left_of(b.along).dot(b.mean - a.mean) / left_of(b.along).dot(a.along);
@@ -598,9 +611,9 @@ void SplinegonFit::find_corners() {
       for (std::size_t k = 1, i = best; k < count; ++k) {
         i = (i + step) % count;
         const double d_m = candidates_[i].s_m - candidates_[best].s_m;
-        if (std::abs(closed_ ? std::remainder(d_m, perimeter_m_) : d_m) >= params_.corner_window_m) break;
+        if (std::abs(closed_ ? std::remainder(d_m, perimeter_m_) : d_m) >= kCornerWindow_m) break;
         const double apart_m = (candidates_[i].p_m - candidates_[best].p_m).norm();
-        if (apart_m < kCornersApart * params_.corner_window_m) candidates_[i].score = 0.0;
+        if (apart_m < kCornersApart * kCornerWindow_m) candidates_[i].score = 0.0;
       }
     };
     forget_near(1);
@@ -633,7 +646,7 @@ bool SplinegonFit::is_arc(std::size_t begin, std::size_t end) const {
       double weight = weights_[i % n] * weights_[i % n];
       if (round > 0) {
         const double sigmas = std::abs(distance_m(p)) * weights_[i % n];
-        weight *= std::min(1.0, params_.huber_sigmas / std::max(sigmas, 1e-12));
+        weight *= std::min(1.0, kHuberSigmas / std::max(sigmas, 1e-12));
       }
       const Eigen::Vector3d row(1.0, p.x(), p.squaredNorm());
       A += weight * row * row.transpose();
@@ -891,7 +904,7 @@ bool SplinegonFit::place_on_earlier(const std::vector<SplinegonVertex>& vertices
     // The corners of a polygon may be beside each other where there is one.
     Node* const before = nodes_.empty() ? nullptr : &nodes_.back();
     if (before != nullptr && before->corner && node.corner &&
-        (node.p_m - before->p_m).norm() < kCornersApart * params_.corner_window_m) {
+        (node.p_m - before->p_m).norm() < kCornersApart * kCornerWindow_m) {
       before->yaw_out_rad = node.yaw_out_rad;
       continue;
     }
@@ -904,7 +917,7 @@ bool SplinegonFit::place_on_earlier(const std::vector<SplinegonVertex>& vertices
   for (std::size_t c = 0; c < corners_.size(); ++c) {
     const std::size_t biarc = arc_of_[element_after(corners_[c])] / 2;
     const auto is_here = [&](std::size_t k) {
-      return nodes_[k].corner && (corners_[c].p_m - nodes_[k].p_m).norm() < 0.5 * params_.corner_window_m;
+      return nodes_[k].corner && (corners_[c].p_m - nodes_[k].p_m).norm() < 0.5 * kCornerWindow_m;
     };
     if (!is_here(biarc) && !is_here(next_node(biarc))) missing_.push_back(c);
   }
@@ -988,7 +1001,7 @@ void SplinegonFit::keep_stations() {
   stations_.clear();
   for (std::size_t k = 0; k < nodes_.size(); ++k) {
     const double break_rad = std::abs(wrap_to_pi(nodes_[k].yaw_out_rad - nodes_[k].yaw_in_rad));
-    const bool is_corner = nodes_[k].corner && break_rad > kLeastBreak * params_.corner_angle_rad;
+    const bool is_corner = nodes_[k].corner && break_rad > kLeastBreak * kCornerAngle_rad;
     stations_.push_back({k < biarcs() ? cell_s_m_[2 * k] : cell_s_m_.back(), is_corner ? k : kNoCorner});
   }
   if (closed_) return;
@@ -1021,7 +1034,7 @@ void SplinegonFit::share_out_again() {
     share_[j] = at_begin < 0.0 ? std::max(at_end, 0.0) : at_end < 0.0 ? at_begin : 0.5 * (at_begin + at_end);
     mean += share_[j] * arcs_[j].length_m / whole_m;
   }
-  const double least = std::max(mean, 1e-6) / (params_.spacing_ratio - 1.0);
+  const double least = std::max(mean, 1e-6) / (kSpacingRatio - 1.0);
   for (double& share : share_) share += least;
   thin_out_gaps();
   double from_m = 0.0, to_m = whole_m;
@@ -1034,7 +1047,7 @@ void SplinegonFit::share_out_again() {
     // Where the fit hardly breaks there is no corner.
     const Node& node = nodes_[k];
     const double break_rad = wrap_to_pi(node.yaw_out_rad - node.yaw_in_rad);
-    if (node.corner && std::abs(break_rad) > kLeastBreak * params_.corner_angle_rad) {
+    if (node.corner && std::abs(break_rad) > kLeastBreak * kCornerAngle_rad) {
       stations_.push_back({cell_s_m_[2 * k], k});
     }
   }
@@ -1347,7 +1360,7 @@ bool SplinegonFit::is_one_arc(std::size_t begin, std::size_t arcs) const {
     if (!is_in(i)) continue;
     const Eigen::Vector2d p = local(i);
     const double sigmas = std::abs(of_elements_[i].distance_m) * weights_[i];
-    const double weight = weights_[i] * weights_[i] * std::min(1.0, params_.huber_sigmas / std::max(sigmas, 1e-12));
+    const double weight = weights_[i] * weights_[i] * std::min(1.0, kHuberSigmas / std::max(sigmas, 1e-12));
     const Eigen::Vector3d row =
         ring ? Eigen::Vector3d(1.0, p.x(), p.y()) : Eigen::Vector3d(1.0, p.x(), p.squaredNorm());
     A += weight * row * row.transpose();
@@ -1442,8 +1455,8 @@ double SplinegonFit::build() {
   for (std::size_t i = 0; i < points_m_.size(); ++i) {
     const Residual& residual = of_elements_[i];
     const double sigmas = std::abs(residual.distance_m) * weights_[i];
-    const double huber = std::min(1.0, params_.huber_sigmas / std::max(sigmas, 1e-12));
-    cost += huber < 1.0 ? params_.huber_sigmas * (2.0 * sigmas - params_.huber_sigmas) : sigmas * sigmas;
+    const double huber = std::min(1.0, kHuberSigmas / std::max(sigmas, 1e-12));
+    cost += huber < 1.0 ? kHuberSigmas * (2.0 * sigmas - kHuberSigmas) : sigmas * sigmas;
     const Vector6d weighted = huber * weights_[i] * weights_[i] * residual.slope;
     Sums& sums = sums_[arc_of_[i] / 2];
     sums.H.noalias() += weighted * residual.slope.transpose();

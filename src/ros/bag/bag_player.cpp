@@ -50,12 +50,11 @@ std::string list(const Texts& texts) {
 
 }  // namespace
 
-BagPlayer::BagPlayer(const BagOptions& options, double reset_time_jump_s, const Poses& poses)
+BagPlayer::BagPlayer(const BagOptions& options, const Poses& poses)
     : options_(options),
       source_({tf2_frame(poses.base_frame), poses.are_given, poses.offset_s}),
       tf_(transform_cache_time(options.tf_timeout_s)),
-      given_(transform_cache_time(options.tf_timeout_s)),
-      reset_time_jump_s_(reset_time_jump_s) {
+      given_(transform_cache_time(options.tf_timeout_s)) {
   queues_.push_back(make_queue());
   options_.world_frame = tf2_frame(options_.world_frame);
   if (!std::filesystem::is_regular_file(options_.bag)) throw std::runtime_error(options_.bag + ": no such bag");
@@ -192,12 +191,8 @@ void BagPlayer::play_all() {
 }
 
 std::unique_ptr<BagPlayer::SensorQueue> BagPlayer::make_queue() {
-  const TransformQueueParams params{source_.are_given ? kWorld : tf2_frame(options_.world_frame),
-                                    options_.tf_timeout_s,
-                                    kMaxWaiting,
-                                    reset_time_jump_s_,
-                                    source_.offset_s,
-                                    source_.are_given ? "" : source_.base_frame};
+  const TransformQueueParams params{source_.are_given ? kWorld : tf2_frame(options_.world_frame), options_.tf_timeout_s,
+                                    kMaxWaiting, source_.offset_s, source_.are_given ? "" : source_.base_frame};
   const auto on_drop = [this](const char* reason, const std::string& detail) { dropped(reason, detail); };
   return std::make_unique<SensorQueue>(
       SensorQueue{{}, TransformQueue<Use>(source_.are_given ? given_ : tf_, params, on_drop)});

@@ -42,9 +42,7 @@ void check_reflector_options(const ReflectorOptions& options, bool by_reflectors
   check_option([&options] { parse_pose2(options.initial_pose, "--initial-pose"); });
 }
 
-BagPlayer player_by_odometry(const BagOptions& bag, double reset_time_jump_s, const OdometryFrames& frames) {
-  return {bag, reset_time_jump_s, {frames.base, true}};
-}
+BagPlayer player_by_odometry(const BagOptions& bag, const OdometryFrames& frames) { return {bag, {frames.base, true}}; }
 
 BagLocalization::BagLocalization(BagPlayer& player, const BagOptions& bag, const ReflectorOptions& options,
                                  const OdometryFrames& frames, const std::string& scan_topic,

@@ -52,7 +52,6 @@ class CircumnavigateStage {
       : context_(context),
         params_(params),
         begin_(mission_begin_from(params.resume)),
-        order_(params.reset_time_jump_s),
         map_(context, params.nodelet.world_frame),
         command_(context.node().advertise<geometry_msgs::Twist>("cmd_vel", 10)),
         status_(context.node().advertise<MissionStatus>("mission", 20)),
@@ -99,7 +98,7 @@ class CircumnavigateStage {
         input.stamp_ns, isometry_from_msg(transform_from_odometry(msg).transform)};
     if (last_ns_ && !is_lost_) {
       const double since_s = seconds_between(*last_ns_, input.stamp_ns);
-      if (since_s < params_.period_s - kEarly_s) return true;
+      if (since_s < kPeriod_s - kEarly_s) return true;
       if (since_s > kLongestStep_s) context_.diagnostics().counted({{"steps more than 0.3 s apart", 1}});
     }
     last_ns_ = input.stamp_ns;
@@ -110,6 +109,7 @@ class CircumnavigateStage {
 
  private:
   static constexpr double kLostCheck_s = 0.02;
+  static constexpr double kPeriod_s = 0.1;        // between steps of the mission, at least
   static constexpr double kEarly_s = 1e-3;        // round-off of stamps
   static constexpr double kLongestStep_s = 0.3;   // of Circumnavigation
   static constexpr double kMostPoseAge_s = 0.15;  // against a scan
@@ -167,13 +167,13 @@ class CircumnavigateStage {
   void turn_if_lost() {
     const double since_step_s = (ros::SteadyTime::now() - stepped_at_).toSec();
     if (!has_stepped_) {
-      if (since_step_s < params_.period_s) return;
+      if (since_step_s < kPeriod_s) return;
       stepped_at_ = ros::SteadyTime::now();
       send(0.0, params_.lost_turn_rate_rad_s);
       return;
     }
     const double since_s = without_odometry_s();
-    if (since_s < kLongestStep_s || since_step_s < params_.period_s) return;
+    if (since_s < kLongestStep_s || since_step_s < kPeriod_s) return;
     if (!is_lost_) context_.diagnostics().counted({{"no odometry", 1}});
     is_lost_ = true;
     MissionInput input;

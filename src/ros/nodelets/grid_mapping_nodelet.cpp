@@ -48,13 +48,13 @@ class GridMappingStage {
         grid_publisher_(context.node().advertise<nav_msgs::OccupancyGrid>("grid", 1, true)),
         cells_publisher_(context.node().advertise<sensor_msgs::PointCloud2>("grid_cells", 1, true)),
         services_(context),
-        input_(context, params.nodelet, params.reset_time_jump_s, 0.0,
+        input_(context, params.nodelet, 0.0,
                {labels_msg_defect,
                 [](const sensor_msgs::Image& msg) {
                   return Taken{tf2_frame(msg.header.frame_id), msg.header.stamp, msg.header.stamp};
                 },
                 [] {}}) {
-    pipeline_.emplace(params_.pipeline, elevation_, params_.reset_time_jump_s);
+    pipeline_.emplace(params_.pipeline, elevation_);
     pipeline_->trust_stamps();  // the input has judged them
     context.diagnostics().on_report([this](StageDiagnostics::Status& status) { report(status); });
     context.when_made([this] {

@@ -29,12 +29,11 @@ class InertialSemanticMapStage {
   InertialSemanticMapStage(Context& context, const MapNodeletParams& params)
       : context_(context),
         deskew_(params.nodelet.deskew),
-        order_(params.reset_time_jump_s),
         pipeline_(params.pipeline, params.objects, map_kinds_of(params.kinds)),
         output_(
             context, params.nodelet, pipeline_,
             [&context](const ros::Publisher& publisher, MapUpdate msg) { context.publish(publisher, std::move(msg)); }),
-        input_(context, gps_ins_params_of(params.nodelet, params.inertial), params.reset_time_jump_s) {
+        input_(context, gps_ins_params_of(params.nodelet, params.inertial)) {
     order_.trust();  // the input has judged them
     context.diagnostics().on_report([this](StageDiagnostics::Status& status) { warn_of_no_hit(states_, status); });
   }

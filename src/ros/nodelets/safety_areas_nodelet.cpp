@@ -47,6 +47,9 @@ class SafetyAreasStage {
   using Context = Input::Context;
   static constexpr const char* kInput = "scan";
   static constexpr auto kReadParams = read_path_nodelet_params;
+  /// Chains as near to a segment as this are on its local map. No source is recorded, and its sensitivity was not
+  /// measured.
+  static constexpr double kLocalMapReach_m = 3.0;
 
   SafetyAreasStage(Context& context, const PathNodeletParams& params)
       : context_(context),
@@ -59,7 +62,7 @@ class SafetyAreasStage {
         map_(context, params.nodelet.world_frame),
         transform_input_(tf_, context.node()),
         input_(
-            context, params.nodelet, params.reset_time_jump_s, 0.0,
+            context, params.nodelet, 0.0,
             {scan_msg_defect, [this](const sensor_msgs::LaserScan& msg) { return taken(msg, params_.nodelet.deskew); },
              [this] { restart(); }}) {
     params_.scan.validate();
@@ -153,7 +156,7 @@ class SafetyAreasStage {
 
   bool save(std_srvs::Trigger::Request& /*request*/, std_srvs::Trigger::Response& response) {
     try {
-      save_local_maps(local_maps(path_, map(), params_.local_map_reach_m), params_.local_maps_file);
+      save_local_maps(local_maps(path_, map(), kLocalMapReach_m), params_.local_maps_file);
       response.success = 1;
       response.message = "saved to " + params_.local_maps_file;
       ROS_INFO_STREAM(context_.name() << ": local maps " << response.message);

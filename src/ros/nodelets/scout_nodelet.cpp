@@ -54,7 +54,6 @@ class ScoutStage {
       : context_(context),
         params_(params),
         before_(mission_begin_from(params.resume)),
-        order_(params.reset_time_jump_s),
         map_(context, params.nodelet.world_frame),
         go_to_(context.node().advertise<geometry_msgs::PoseStamped>("go_to", 5)),
         status_(context.node().advertise<ScoutStatus>("scout", 20)),
@@ -99,7 +98,7 @@ class ScoutStage {
         stamp_ns, T_world_base.translation(), pose2_of(T_world_base).yaw_rad};
     if (last_ns_) {
       const double since_s = seconds_between(*last_ns_, stamp_ns);
-      if (since_s >= 0.0 && since_s < params_.period_s - kEarly_s) return true;
+      if (since_s >= 0.0 && since_s < kPeriod_s - kEarly_s) return true;
     }
     last_ns_ = stamp_ns;
     if (!scouting_ && !begin_mission(pose)) {
@@ -134,6 +133,8 @@ class ScoutStage {
   }
 
  private:
+  static constexpr double kPeriod_s = 0.25;       // between steps of the mission, at least
+  static constexpr double kMapPeriod_s = 2.0;     // between looks at the maps of what stands around, at least
   static constexpr double kEarly_s = 1e-3;        // round-off of stamps
   static constexpr double kMostPoseAge_s = 0.15;  // against an image
   static constexpr double kMostDelay_s = 0.5;     // of odometry: at 6 m/s it is 3 m off
@@ -231,8 +232,7 @@ class ScoutStage {
 
   /// Whether there are other obstacles than before.
   bool takes_obstacles(std::int64_t stamp_ns) {
-    if (obstacles_ns_ &&
-        (map_.taken() == updates_taken_ || seconds_between(*obstacles_ns_, stamp_ns) < params_.map_period_s)) {
+    if (obstacles_ns_ && (map_.taken() == updates_taken_ || seconds_between(*obstacles_ns_, stamp_ns) < kMapPeriod_s)) {
       return false;
     }
     if (!obstacles_ns_ && map_.taken() == 0) return false;

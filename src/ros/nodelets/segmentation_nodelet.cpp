@@ -40,7 +40,7 @@ class SegmentationStage {
         map_(context, params.nodelet.world_frame),
         pose_offset_(params.pipeline.scan_pose_offset_s),
         input_(
-            context, params.nodelet, params.pipeline.objects.reset_time_jump_s, params.pipeline.scan_pose_offset_s,
+            context, params.nodelet, params.pipeline.scan_pose_offset_s,
             {scan_msg_defect, [this](const sensor_msgs::LaserScan& msg) { return taken(msg, params_.nodelet.deskew); },
              [this] { map_.clear(); }}) {
     context.diagnostics().on_report([this](StageDiagnostics::Status& status) {

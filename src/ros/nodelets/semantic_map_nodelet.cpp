@@ -27,6 +27,9 @@ namespace situation_awareness {
 class SemanticMapStage {
  public:
   using Context = PoseCovarianceInput::Context;
+  /// How far from the stamp of a scan that of the message on `pose` may be whose covariance is its own: that of
+  /// safety/max_pose_age_s. No source is recorded, and its sensitivity was not measured.
+  static constexpr double kMaxPoseAge_s = 0.5;
   static constexpr const char* kInput = "segments";
   static constexpr auto kReadParams = read_map_nodelet_params;
 
@@ -35,14 +38,13 @@ class SemanticMapStage {
         world_frame_(params.nodelet.world_frame),
         kinds_(map_kinds_of(params.kinds)),
         pose_covariance_(params.scan_pose.covariance()),
-        order_(params.reset_time_jump_s),
         pipeline_(params.pipeline, kinds_),
         output_(
             context, params.nodelet, pipeline_,
             [&context](const ros::Publisher& publisher, MapUpdate msg) { context.publish(publisher, std::move(msg)); },
             [this] { reset_layers(); }),
         input_(context, {world_frame_, params.scan_pose.pose_timeout_s,
-                         static_cast<std::size_t>(params.nodelet.queue_size), params.max_pose_age_s}) {
+                         static_cast<std::size_t>(params.nodelet.queue_size), kMaxPoseAge_s}) {
     order_.trust();  // segmentation has judged them
     context.diagnostics().on_report([this](StageDiagnostics::Status& status) { report(status); });
     if (!kinds_.targets) return;

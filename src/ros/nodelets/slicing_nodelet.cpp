@@ -33,7 +33,7 @@ class SlicingStage {
         params_(params.nodelet),
         pose_offset_s_(params.pipeline.scan_pose_offset_s),
         publisher_(context.node().advertise<sensor_msgs::LaserScan>("scan", 20)),
-        input_(context, params.nodelet, params.pipeline.objects.reset_time_jump_s, pose_offset_s_,
+        input_(context, params.nodelet, pose_offset_s_,
                {cloud_msg_defect, [this](const sensor_msgs::PointCloud2& msg) { return taken(msg, params_.deskew); },
                 [] {}}) {
     context.serve_live([this](const CloudSliceParams& cloud) { cloud_ = cloud; }, params.pipeline.cloud);

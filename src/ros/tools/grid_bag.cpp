@@ -27,8 +27,6 @@ with evidence. Labels are the probability of the class per pixel (32FC1), NaN or
 Images that cannot be used have no line and are counted by reason. Files are written atomically.
 )";
 
-constexpr double kResetTimeJump_s = 1.0;
-
 struct Options {
   BagOptions bag;
   ImageOptions images;
@@ -66,7 +64,7 @@ Json json_of(const GridTargets& targets) {
 int grid_bag(const Options& options) {
   const std::string path = config_path(options.bag, kConfig);
   const auto params = params_from_yaml<GridPipelineParams>(read_text_file(path), path, print_warning);
-  BagPlayer player(options.bag, kResetTimeJump_s, {});
+  BagPlayer player(options.bag, {});
   LineFile out(options.out);
   BagImages images(player, options.bag, options.images, params,
                    [&out](const GridTargets& targets) { out.write(json_line(targets.stamp_ns, json_of(targets))); });

@@ -58,7 +58,6 @@ begins anew makes another map. Invalid scans and images have no line and are cou
 atomically.
 )";
 
-constexpr double kResetTimeJump_s = 1.0;
 /// Of poses from /tf, which have no covariance: those of a good SLAM.
 constexpr double kTfSigma_m = 0.02;
 constexpr double kTfSigma_rad = 0.01;
@@ -247,7 +246,7 @@ class BagMap {
 
 void map_by_tf(const Options& options, const Params& params) {
   const OdometryFrames frames = odometry_frames(options.bag, options.reflectors.odometry);
-  BagPlayer player(options.bag, kResetTimeJump_s, {frames.base});
+  BagPlayer player(options.bag, {frames.base});
   Output out(options);
   BagMap map(options, params);
   MapPipeline& pipeline = map.pipeline();
@@ -290,7 +289,7 @@ void map_by_reflectors(const Options& options, const Params& params) {
                                     params.bag.localization);
   BagMap map(options, params);
   MapPipeline& pipeline = map.pipeline();
-  BagPlayer player = player_by_odometry(options.bag, kResetTimeJump_s, frames);
+  BagPlayer player = player_by_odometry(options.bag, frames);
   Output out(options);
   PointStates states;
   player.on_restart([&pipeline] { pipeline.begin_anew(); });
@@ -320,7 +319,7 @@ void map_by_reflectors(const Options& options, const Params& params) {
 void map_by_gps(const Options& options, const Params& params) {
   const std::string base_frame =
       options.reflectors.odometry.frames.base.empty() ? "base_link" : options.reflectors.odometry.frames.base;
-  BagPlayer player(with_backlog(options.bag), kResetTimeJump_s, {base_frame, true});
+  BagPlayer player(with_backlog(options.bag), {base_frame, true});
   Output out(options);
   BagMap map(options, params);
   MapPipeline& pipeline = map.pipeline();

@@ -173,7 +173,7 @@ ObjectPipelineParams load_params(const Options& options) {
 int objects_bag(const Options& options) {
   const std::string world_frame = tf2_frame(options.bag.world_frame);
   const ObjectPipelineParams params = load_params(options);
-  BagPlayer player(options.bag, params.objects.reset_time_jump_s, {{}, false, params.scan_pose_offset_s});
+  BagPlayer player(options.bag, {{}, false, params.scan_pose_offset_s});
   LineFile out(options.out), detections_out(options.detections), points_out(options.points);
   ObjectPipeline pipeline(params);
   PoseOffsetEstimator pose_offset(params.scan_pose_offset_s);

@@ -45,7 +45,6 @@ then to 1e-6, as most of those in view change a little with each scan. Invalid s
 reason. Files are written atomically.
 )";
 
-constexpr double kResetTimeJump_s = 1.0;
 /// Of poses from /tf, which have no covariance: those of a good SLAM.
 constexpr double kTfSigma_m = 0.02;
 constexpr double kTfSigma_rad = 0.01;
@@ -170,7 +169,7 @@ void print_movers(const PolygonPipeline& pipeline) {
 }
 
 void map_by_tf(const Options& options, const Params& params, const OdometryFrames& frames) {
-  BagPlayer player(options.bag, kResetTimeJump_s, {frames.base});
+  BagPlayer player(options.bag, {frames.base});
   Output out(options);
   PolygonPipeline pipeline(params.polygons, params.objects);
   const Eigen::Matrix3d covariance =
@@ -191,7 +190,7 @@ void map_by_tf(const Options& options, const Params& params, const OdometryFrame
 
 void map_by_reflectors(const Options& options, const Params& params, const OdometryFrames& frames) {
   ReflectorPolygonPipeline pipeline(load_reflector_map(options.reflectors.reflectors), params.polygons, params.objects);
-  BagPlayer player = player_by_odometry(options.bag, kResetTimeJump_s, frames);
+  BagPlayer player = player_by_odometry(options.bag, frames);
   Output out(options);
   player.on_restart([&pipeline] { pipeline.pipeline().begin_anew(); });
   BagLocalization localization(player, options.bag, options.reflectors, frames, options.scan_topic,

@@ -36,8 +36,6 @@ radius. What is not always bright, moves or has gone is left out, and listed. If
 nothing is written, and the exit code is 1. The file is written atomically.
 )";
 
-constexpr double kResetTimeJump_s = 1.0;
-
 struct Options {
   BagOptions bag;
   std::string scan_topic = "/scan";
@@ -101,7 +99,7 @@ int record_reflectors(const Options& options) {
   survey_params.odometry = params.localization.odometry;
   ReflectorSurvey survey(survey_params, parse_pose2(options.initial_pose, "--initial-pose"));
 
-  BagPlayer player(options.bag, kResetTimeJump_s, {frames.base, true});
+  BagPlayer player(options.bag, {frames.base, true});
   Counters refused;
   Points points;
   ReflectorSightings sightings;

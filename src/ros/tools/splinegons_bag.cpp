@@ -35,7 +35,6 @@ bulge is tan(arc angle / 4) of the arc to the next one. Invalid scans have no li
 written atomically.
 )";
 
-constexpr double kResetTimeJump_s = 1.0;
 /// Of poses from /tf, which have no covariance.
 constexpr double kTfSigma_m = 0.01;
 constexpr double kTfSigma_rad = 0.002;
@@ -102,7 +101,7 @@ struct BagParams {
 };
 
 void map_by_tf(const Options& options, const BagParams& params) {
-  BagPlayer player(options.bag, kResetTimeJump_s, {options.base_frame});
+  BagPlayer player(options.bag, {options.base_frame});
   LineFile out(options.out);
   SplinegonPipeline pipeline(params.pipeline);
   player.on_restart([&pipeline] { pipeline.reset(); });
@@ -129,7 +128,7 @@ void map_by_tf(const Options& options, const BagParams& params) {
 }
 
 void map_by_gps(const Options& options, const BagParams& params) {
-  BagPlayer player(with_backlog(options.bag), kResetTimeJump_s, {options.base_frame, true});
+  BagPlayer player(with_backlog(options.bag), {options.base_frame, true});
   LineFile out(options.out);
   SplinegonPipeline pipeline(params.pipeline);
   player.on_restart([&pipeline] { pipeline.reset(); });

@@ -15,14 +15,6 @@ using namespace object_state;
 
 constexpr std::int64_t kPeriod_ns = 50'000'000;
 
-ObjectMapParams params() {
-  ObjectMapParams result;
-  result.max_part_radius_m = 0.15;
-  result.max_part_gap_m = 0.3;
-  result.min_part_travel_m = 0.4;
-  return result;
-}
-
 /// A confirmed, moving round element that was just seen.
 MapElement element_of(std::uint64_t id, const Eigen::Vector2d& center_m, double radius_m, std::int64_t stamp_ns = 0) {
   MapElement element;
@@ -55,7 +47,7 @@ void travel(const Eigen::Vector2d& by_m, std::vector<MapElement>& elements) {
       move(element, by_m / 20.0);
       element.last_seen_ns = stamp_ns;
     }
-    joiner.join_parts(stamp_ns, params(), elements);
+    joiner.join_parts(stamp_ns, elements);
   }
 }
 
@@ -93,7 +85,7 @@ TEST(Bodies, AStandingElementBesideThePathIsNoPart) {
   for (int i = 1; i <= 20; ++i) {
     move(elements[0], {0.0, 0.03});
     for (MapElement& element : elements) element.last_seen_ns = i * kPeriod_ns;
-    joiner.join_parts(i * kPeriod_ns, params(), elements);
+    joiner.join_parts(i * kPeriod_ns, elements);
     EXPECT_FALSE(elements[1].is_part) << i;
   }
 }
@@ -102,15 +94,15 @@ TEST(Bodies, ABodyWithPartsJoinsANewElementAtOnceButNoStandingOne) {
   BodyJoiner joiner;
   std::vector<MapElement> elements{element_of(1, {0.0, 0.0}, 0.2), element_of(2, {0.4, 0.0}, 0.05)};
   elements[0].has_parts = true;
-  joiner.join_parts(0, params(), elements);
+  joiner.join_parts(0, elements);
   EXPECT_FALSE(elements[1].is_part);
   elements[1].observations = 1;
-  joiner.join_parts(0, params(), elements);
+  joiner.join_parts(0, elements);
   EXPECT_TRUE(elements[1].is_part);
   elements[1].is_part = false;
   elements[1].observations = 10;
   elements[1].mobile = true;
-  joiner.join_parts(0, params(), elements);
+  joiner.join_parts(0, elements);
   EXPECT_TRUE(elements[1].is_part);
 }
 
@@ -121,7 +113,7 @@ TEST(Bodies, APartIsReleasedAtTwiceTheGap) {
     elements[0].has_parts = true;
     elements[1].is_part = true;
     elements[1].body = 1;
-    joiner.join_parts(0, params(), elements);
+    joiner.join_parts(0, elements);
     EXPECT_EQ(elements[1].is_part, gap_m < 0.6) << gap_m;
     EXPECT_EQ(elements[1].body, gap_m < 0.6 ? 1U : 0U) << gap_m;
   }
@@ -133,11 +125,11 @@ TEST(Bodies, AReIdentifiedElementIsNeitherBodyNorPart) {
   std::vector<MapElement> elements{element_of(1, {0.0, 0.0}, 0.2), element_of(2, {0.4, 0.0}, 0.05),
                                    element_of(3, {0.0, 0.0}, 0.2)};
   elements[2].state = TrackState::kDeleted;
-  joiner.join_parts(0, params(), elements);
+  joiner.join_parts(0, elements);
   EXPECT_EQ(elements[1].body, 1U);
   elements[2] = element_of(3, {-0.4, 0.0}, 0.05);
   elements[2].state = TrackState::kDeleted;
-  joiner.join_parts(0, params(), elements);
+  joiner.join_parts(0, elements);
   EXPECT_EQ(elements[2].body, 0U);
 }
 
@@ -148,7 +140,7 @@ TEST(Bodies, PartsOfAPartGoToItsBody) {
   elements[2].is_part = true;
   elements[2].body = 2;
   elements[0].has_parts = elements[1].has_parts = elements[1].mobile = true;
-  joiner.join_parts(0, params(), elements);
+  joiner.join_parts(0, elements);
   EXPECT_TRUE(elements[1].is_part);
   EXPECT_EQ(elements[1].body, 1U);
   EXPECT_EQ(elements[2].body, 1U);

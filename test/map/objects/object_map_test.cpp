@@ -40,16 +40,10 @@ ObjectMapParams params() {
   result.angular_acceleration_sigma_rad_s2 = 0.3;
   result.standing_drift_m = 0.002;
   result.radius_drift_m = 0.002;
-  result.start_rate_1_s = 0.005;
-  result.restart_rate_1_s = 0.5;
-  result.stop_rate_1_s = 0.1;
-  result.start_velocity_sigma_m_s = 1.0;
-  result.start_angular_velocity_sigma_rad_s = 0.3;
   result.robot_position_sigma_m = 0.01;
   result.robot_yaw_sigma_rad = 0.003;
   result.robot_stamp_sigma_s = 0.002;
   result.measurement_sigma_m = 0.01;
-  result.hidden_end_factor = 3.0;
   result.correlated_error_fraction = 0.4;
   result.gate_probability = 0.999;
   result.birth_probability = 0.2;
@@ -57,13 +51,9 @@ ObjectMapParams params() {
   result.deletion_probability = 0.05;
   result.detection_probability = 0.6;
   result.hidden_observation_weight = 0.25;
-  result.max_part_radius_m = 0.15;
-  result.max_part_gap_m = 0.3;
-  result.min_part_travel_m = 0.4;
   result.max_position_sigma_m = 0.27;
   result.lost_position_sigma_m = 10.0;
   result.max_unseen_s = 60.0;
-  result.reset_time_jump_s = 1.0;
   return result;
 }
 
@@ -947,10 +937,6 @@ TEST(ObjectMap, TakesOtherParametersAndKeepsItsElements) {
   EXPECT_TRUE(map.update(detections_at(seen_s + 0.9, {})).deleted.empty());
   EXPECT_EQ(map.update(detections_at(seen_s + 1.1, {})).reasons, (Counters{{"unseen for too long", 1}}));
   EXPECT_TRUE(other.update(detections_at(seen_s + 1.1, {})).deleted.empty());
-
-  p.reset_time_jump_s = 0.1;
-  other.set_params(p);
-  EXPECT_EQ(other.update(detections_at(seen_s + 0.9, {})).reasons.of("time jumped back: new map"), 1U);
 }
 
 TEST(ObjectMap, KeepsItsParametersIfOthersAreRefused) {

@@ -13,8 +13,7 @@ namespace situation_awareness {
 /// A map of polygons behind the checks that its pipelines and stages make: of numbers and of stamps.
 class GuardedMap {
  public:
-  explicit GuardedMap(const PolygonMapParams& params, double reset_time_jump_s = 1.0)
-      : order_(reset_time_jump_s), map_(params) {}
+  explicit GuardedMap(const PolygonMapParams& params) : map_(params) {}
 
   /// Whether the scan was used.
   bool update(const Polylines& polylines, const Eigen::Matrix3d& pose_covariance) {

@@ -20,11 +20,6 @@ struct GridMapParams {
   double cell_m = 0.5;
   double reach_m = 220.0;
   double class_height_m = 1.5;
-  double negative_weight = 0.4;
-  double partial_weight = 0.7;
-  double max_weight = 100.0;
-  double least_mean = 0.5;
-  double offset_step_m = 0.5;
   double smooth_m = 2.0;
 
   template <class Self, class Visit>
@@ -32,16 +27,6 @@ struct GridMapParams {
     visit("cell_m", self.cell_m, Bounds{0.05, 10.0}, "m", "edge of a cell");
     visit("reach_m", self.reach_m, Bounds{5.0, 2000.0}, "m", "cells farther from the camera take no evidence");
     visit("class_height_m", self.class_height_m, Bounds{0.1, 20.0}, "m", "height of what belongs to the class");
-    visit("negative_weight", self.negative_weight, Bounds{0.01, 1.0}, "",
-          "of evidence against the class, as what is hidden by something unknown looks like nothing");
-    visit("partial_weight", self.partial_weight, Bounds{0.01, 1.0}, "",
-          "the same of a column that shows the class in a part only: at an edge, or partly hidden");
-    visit("max_weight", self.max_weight, Bounds{1.0, 1e6}, "",
-          "of a cell's evidence: an image counts 1 at most, and after so many older ones fade");
-    visit("least_mean", self.least_mean, Bounds{0.01, 1.0}, "",
-          "evidence of which half makes a cell of the class, however weak all is around it");
-    visit("offset_step_m", self.offset_step_m, Bounds{0.05, 2.0}, "m",
-          "between the nine errors of the elevation that are tried");
     visit("smooth_m", self.smooth_m, Bounds{0.0, 100.0}, "m",
           "standard deviation of the Gaussian that the elevation is smoothed with, as its pixels have errors; 0: it is "
           "not");

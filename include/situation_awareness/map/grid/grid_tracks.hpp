@@ -19,12 +19,16 @@ namespace situation_awareness {
 struct GridTracksParams {
   double gate_m = 4.0;
   double same_m = 4.0;
-  double fragment_m = 2.5;
   int confirm_images = 3;
   double min_area_m2 = 1.0;
+
+  // Constants of the method, which are not read from YAML.
+  /// Part of the variance of the camera's pose that is common to all images.
   double pose_correlation = 0.2;
-  double ground_sigma_m = 0.2;
+  /// Standard deviation of a target's centroid by what its cells and labels are.
   double outline_sigma_m = 0.15;
+  /// Standard deviation of the ground's height below a target.
+  double ground_sigma_m = 0.2;
 
   template <class Self, class Visit>
   static void fields(Self& self, Visit&& visit) {
@@ -32,16 +36,8 @@ struct GridTracksParams {
     visit("same_m", self.same_m, Bounds{0.0, 100.0}, "m",
           "clusters that are nearer to each other and that no images show apart are one target; half as much more "
           "where the pose is known badly");
-    visit("fragment_m", self.fragment_m, Bounds{0.0, 100.0}, "m",
-          "clusters that are nearer to each other and of which one is less than half as large are one target");
     visit("confirm_images", self.confirm_images, Bounds{1, 1000}, "", "images that show a target until it is reported");
     visit("min_area_m2", self.min_area_m2, Bounds{0.0, 1e4}, "m^2", "smaller clusters are no targets");
-    visit("pose_correlation", self.pose_correlation, Bounds{0.0, 1.0}, "",
-          "part of the variance of the camera's pose that is common to all images");
-    visit("ground_sigma_m", self.ground_sigma_m, Bounds{0.0, 100.0}, "m",
-          "standard deviation of the ground's height below a target");
-    visit("outline_sigma_m", self.outline_sigma_m, Bounds{0.001, 10.0}, "m",
-          "standard deviation of a target's centroid by what its cells and labels are");
   }
 
   /// Throws std::invalid_argument naming field and bound.

@@ -7,7 +7,6 @@
 
 #include "situation_awareness/geometry/ellipse.hpp"
 #include "situation_awareness/map/objects/map_element.hpp"
-#include "situation_awareness/map/objects/object_map_params.hpp"
 
 namespace situation_awareness {
 
@@ -19,7 +18,7 @@ class BodyJoiner {
   /// Elements that stay side by side while they travel are one body: the small one becomes part of the other, is still
   /// tracked, and is published again when they separate. An arm swings, so velocities are not conclusive; the criterion
   /// is the displacement since they met. `elements` are by ascending id, updated at `stamp_ns`.
-  void join_parts(std::int64_t stamp_ns, const ObjectMapParams& params, std::vector<MapElement>& elements);
+  void join_parts(std::int64_t stamp_ns, std::vector<MapElement>& elements);
 
  private:
   /// An element that others may be part of.

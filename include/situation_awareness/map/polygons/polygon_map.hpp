@@ -36,8 +36,11 @@ struct PolygonMapParams {
   double confirm_s = 0.3;
   double park_s = 10.0;
   double removal_s = 0.8;
-  double absence_s = 2.0;
   double tolerance_m = 0.012;
+
+  // Constants of the method, which are not read from YAML.
+  /// Chains are made anew after so long, and at once where something comes beside them, goes, or is doubted; 0: with
+  /// each scan. Less than the safety areas' `max_map_age_s`.
   double refresh_s = 0.2;
 
   template <class Self, class Visit>
@@ -57,13 +60,8 @@ struct PolygonMapParams {
           "the same for what came while the place was watched: it moves, or it was parked");
     visit("removal_s", self.removal_s, Bounds{0.01, 1e4}, "s",
           "time for which beams pass a well-known element until it is removed");
-    visit("absence_s", self.absence_s, Bounds{0.0, 1e6}, "s",
-          "after a longer gap between scans nothing is known of what was watched");
     visit("tolerance_m", self.tolerance_m, Bounds{0.001, 1.0}, "m",
           "maximum distance of the elements from the chain's edges, in addition to twice their standard deviations");
-    visit("refresh_s", self.refresh_s, Bounds{0.0, 0.5}, "s",
-          "chains are made anew after so long, and at once where something comes beside them, goes, or is doubted; 0: "
-          "with each scan. Less than the safety areas' `max_map_age_s`");
   }
 
   /// Throws std::invalid_argument naming field and bound.

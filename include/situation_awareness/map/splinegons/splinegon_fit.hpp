@@ -22,11 +22,6 @@ struct SplinegonElement {
 
 struct SplinegonFitParams {
   int vertices = 16;
-  double least_spacing_m = 0.8;
-  double spacing_ratio = 2.5;
-  double corner_angle_rad = 0.75;
-  double corner_window_m = 1.2;
-  double huber_sigmas = 2.0;
 
   template <class Self, class Visit>
   static void fields(Self& self, Visit&& visit) {
@@ -34,16 +29,6 @@ struct SplinegonFitParams {
           "main vertices of a boundary, a joint between any two: more where these do not follow it, fewer where there "
           "are "
           "not three elements for each");
-    visit("least_spacing_m", self.least_spacing_m, Bounds{0.05, 100.0}, "m",
-          "least mean distance of main vertices of an open boundary: a short one has fewer");
-    visit("spacing_ratio", self.spacing_ratio, Bounds{1.2, 10.0}, "",
-          "largest distance of main vertices along the boundary, over their mean distance");
-    visit("corner_angle_rad", self.corner_angle_rad, Bounds{0.2, 1.5}, "rad",
-          "least break of the tangent that is a corner");
-    visit("corner_window_m", self.corner_window_m, Bounds{0.2, 10.0}, "m",
-          "length of the boundary to either side in which a corner's sides are compared with an arc");
-    visit("huber_sigmas", self.huber_sigmas, Bounds{1.0, 10.0}, "",
-          "standard deviations beyond which an element's distance counts linearly (Huber)");
   }
 
   /// Throws std::invalid_argument naming field and bound.

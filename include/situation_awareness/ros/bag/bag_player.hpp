@@ -48,9 +48,9 @@ class BagPlayer {
     double offset_s = 0.0;        ///< the pose of a measurement is so much later
   };
 
-  /// Opens the bag; stamps that go back by more than `reset_time_jump_s` are a restart (StampOrder). Throws
+  /// Opens the bag; stamps that go back by more than StampOrder::kResetTimeJump_s are a restart (StampOrder). Throws
   /// std::runtime_error.
-  BagPlayer(const BagOptions& options, double reset_time_jump_s, const Poses& poses);
+  BagPlayer(const BagOptions& options, const Poses& poses);
 
   /// `take` gets the messages of a topic, with or without its leading slash. Throws std::runtime_error if it is not in
   /// the bag or of another type, naming the topics of this type.
@@ -165,7 +165,6 @@ class BagPlayer {
   ros::Time first_pose_, last_pose_;  ///< given
   std::vector<std::unique_ptr<SensorQueue>> queues_;
   std::size_t restarts_ = 0;  ///< of the queue with most
-  double reset_time_jump_s_;
   std::function<void()> restart_ = [] {};
   std::size_t measurements_ = 0, used_ = 0;
   Counters dropped_;

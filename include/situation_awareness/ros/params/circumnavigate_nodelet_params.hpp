@@ -14,10 +14,9 @@ struct CircumnavigateNodeletParams {
   NodeletParams nodelet;
   std::string base_frame = "base_link";
   SearchPlaces search;
-  double period_s = 0.1;
   double timeout_s = 1.0;
   double lost_turn_rate_rad_s = 0.45;
-  double reset_time_jump_s = 1.0;
+  /// Set by the stage itself: where and when its mission began, for the manager that is started after a crash.
   std::string resume;
   CircumnavigationParams mission;
   std::vector<UnknownKey> unknown;
@@ -25,20 +24,17 @@ struct CircumnavigateNodeletParams {
   template <class Self, class Visit>
   static void fields(Self& self, Visit&& visit) {
     NodeletParams::fields(self.nodelet, visit);
-    visit("base_frame", self.base_frame, "frame of the vehicle, whose pose is that of `odometry`");
+    visit("base_frame", self.base_frame,
+          "frame of the vehicle: x ahead, y left, z up; midway between its driven wheels where it has such");
     visit(
         "search", self.search,
         "places [x, y] or [x, y, yaw] in the world, in m and rad, that the vehicle goes to in order to find obstacles");
-    visit("period_s", self.period_s, Bounds{0.01, 0.3}, "s", "least time between steps of the mission");
     visit("timeout_s", self.timeout_s, Bounds{0.05, 100.0}, "s",
           "of wall time: where simulated time stands still so long, odometry is missing, too");
     visit("lost_turn_rate_rad_s", self.lost_turn_rate_rad_s, Bounds{-10.0, 10.0}, "rad/s",
           "commanded before the first odometry: on a circle the vehicle stays where it is, and gps_ins finds its yaw; "
           "not 0");
-    visit("reset_time_jump_s", self.reset_time_jump_s, Bounds{0.0, 1e6}, "s",
-          "a stamp that goes back by more than this is a time that was set back: the mission goes on");
-    visit("resume", self.resume,
-          "set by the stage itself: where and when its mission began, for the manager that is started after a crash");
+    visit("resume", self.resume, "");
     visit("mission", self.mission);
   }
 };

@@ -25,18 +25,19 @@ struct GpsInsNodeletParams {
   bool use_heading = false;
   double heading_offset_rad = 0.0;
   double heading_sigma_rad = 0.05;
-  double heading_period_s = 1.0;
   GpsInsParams gps_ins;
   std::vector<UnknownKey> unknown;
 
   template <class Self, class Visit>
   static void fields(Self& self, Visit&& visit) {
     NodeletParams::fields(self.nodelet, visit);
-    visit("base_frame", self.base_frame, "frame of the vehicle, whose pose is published; x ahead, y left, z up");
+    visit("base_frame", self.base_frame,
+          "frame of the vehicle: x ahead, y left, z up; midway between its driven wheels where it has such");
     visit("imu_frame", self.imu_frame, "frame of the IMU, whatever its messages say; empty: theirs");
     visit("fix_frame", self.fix_frame, "frame of the receiver's antenna, whatever its messages say; empty: theirs");
     visit("origin", self.origin,
-          "of the world, \"LAT,LON,ALT\" in degrees and m above the ellipsoid; empty: the first good fix");
+          "of the world, \"LAT,LON,ALT\" in degrees and m above the ellipsoid; empty: the first good fix, which may "
+          "differ from nodelet to nodelet");
     visit("rate_hz", self.rate_hz, Bounds{0.1, 1000.0}, "Hz",
           "largest rate of odometry, pose and TF; at most that of the IMU");
     visit("publish_tf", self.publish_tf, "publish the transform from world to base");
@@ -49,9 +50,6 @@ struct GpsInsNodeletParams {
         "one");
     visit("heading_sigma_rad", self.heading_sigma_rad, Bounds{0.001, 3.0}, "rad",
           "standard deviation added to that of each message");
-    visit("heading_period_s", self.heading_period_s, Bounds{0.0, 1000.0}, "s",
-          "orientations that follow the one used before by less than this are passed over: those of a compass all have "
-          "the error of its place");
     visit("gps_ins", self.gps_ins);
   }
 };
@@ -76,7 +74,8 @@ struct InertialParams {
 
   template <class Self, class Visit>
   static void fields(Self& self, Visit&& visit) {
-    visit("base_frame", self.base_frame, "frame of the vehicle, whose pose is that by GPS and INS");
+    visit("base_frame", self.base_frame,
+          "frame of the vehicle: x ahead, y left, z up; midway between its driven wheels where it has such");
     visit("imu_frame", self.imu_frame, "as that of gps_ins");
     visit("fix_frame", self.fix_frame, "as that of gps_ins");
     visit("origin", self.origin,

@@ -14,7 +14,6 @@ struct GridNodeletParams {
   NodeletParams nodelet;
   std::string dem;
   double grid_period_s = 1.0;
-  double reset_time_jump_s = 1.0;
   GridPipelineParams pipeline;
   std::vector<UnknownKey> unknown;
 
@@ -22,10 +21,9 @@ struct GridNodeletParams {
   static void fields(Self& self, Visit&& visit) {
     NodeletParams::fields(self.nodelet, visit);
     visit("dem", self.dem,
-          "path of the elevation, in the world's metres: a GeoTIFF or another raster that GDAL reads, north up");
+          "path of the elevation, in the world's metres: a GeoTIFF or another raster that GDAL reads, north up; empty: "
+          "level ground for scout, scouting.height_m below the begin");
     visit("grid_period_s", self.grid_period_s, Bounds{0.0, 1e6}, "s", "least time between grids, by their stamps");
-    visit("reset_time_jump_s", self.reset_time_jump_s, Bounds{0.0, 1e6}, "s",
-          "a stamp that goes back by more than this begins a new map");
     GridPipelineParams::fields(self.pipeline, visit);
   }
 };

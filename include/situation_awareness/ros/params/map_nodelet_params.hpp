@@ -18,8 +18,6 @@ struct MapNodeletParams {
   NodeletParams nodelet;
   std::string kinds = "objects,polygons,splinegons";
   ScanPoseParams scan_pose;
-  double max_pose_age_s = 0.5;
-  double reset_time_jump_s = 1.0;
   InertialParams inertial;
   MapPipelineParams pipeline;
   ObjectPipelineParams objects;  ///< of inertial_semantic_map alone
@@ -33,10 +31,6 @@ struct MapNodeletParams {
         "what is on the map, separated by commas: objects, polygons, splinegons (boundaries of large obstacles), grid "
         "(targets of images)");
     ScanPoseParams::fields(self.scan_pose, visit);
-    visit("max_pose_age_s", self.max_pose_age_s, Bounds{0.05, 10.0}, "s",
-          "how far from the stamp of a scan that of the message on `pose` may be whose covariance is its own");
-    visit("reset_time_jump_s", self.reset_time_jump_s, Bounds{0.0, 1e6}, "s",
-          "a stamp that goes back by more than this begins a new map");
     InertialParams::fields(self.inertial, visit);
     MapPipelineParams::fields(self.pipeline, visit);
   }

@@ -19,12 +19,11 @@ struct PathNodeletParams {
   std::string path_file;
   std::string base_frame = "base_link";
   bool start_at_once = false;
+  /// Set by path_following when it starts at once, so that it does not drive on by itself after a crash.
   bool has_driven = false;
   std::string local_maps_file;
-  double local_map_reach_m = 3.0;
   double pose_sigma_m = 0.02;
   double pose_sigma_rad = 0.01;
-  double reset_time_jump_s = 1.0;
   RangeLimiterParams scan;
   VehicleParams vehicle;
   SafetyParams safety;
@@ -35,23 +34,17 @@ struct PathNodeletParams {
   static void fields(Self& self, Visit&& visit) {
     NodeletParams::fields(self.nodelet, visit);
     visit("path_file", self.path_file, "YAML file of the way points of the path, in the world");
-    visit("base_frame", self.base_frame, "frame of the vehicle's footprint, midway between its driven wheels");
+    visit("base_frame", self.base_frame,
+          "frame of the vehicle: x ahead, y left, z up; midway between its driven wheels where it has such");
     visit("start_at_once", self.start_at_once,
           "drive as soon as pose and verdict are there; else when the service path_following/start is called");
-    visit("has_driven", self.has_driven,
-          "path_following sets it when it starts at once, so that it does not drive on by itself after a crash; not to "
-          "be "
-          "set by hand");
+    visit("has_driven", self.has_driven, "");
     visit("local_maps_file", self.local_maps_file,
           "YAML file of the chains beside each segment of the path, by which safety_areas starts until a map comes, "
           "and which its service save_local_maps writes; empty: none");
-    visit("local_map_reach_m", self.local_map_reach_m, Bounds{0.1, 100.0}, "m",
-          "chains as near to a segment as this are on its local map");
     visit("pose_sigma_m", self.pose_sigma_m, Bounds{0.0, 100.0}, "m",
           "standard deviation of x and of y of a scan's pose that comes without a covariance on `pose`");
     visit("pose_sigma_rad", self.pose_sigma_rad, Bounds{0.0, 3.0}, "rad", "the same of its yaw");
-    visit("reset_time_jump_s", self.reset_time_jump_s, Bounds{0.0, 1e6}, "s",
-          "a stamp that goes back by more than this is a restart");
     visit("scan", self.scan);
     visit("vehicle", self.vehicle);
     visit("safety", self.safety);

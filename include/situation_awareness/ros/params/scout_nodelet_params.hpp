@@ -14,10 +14,8 @@ struct ScoutNodeletParams {
   NodeletParams nodelet;
   std::string base_frame = "base_link";
   std::string dem;
-  double period_s = 0.25;
-  double map_period_s = 2.0;
   double timeout_s = 5.0;
-  double reset_time_jump_s = 1.0;
+  /// Set by the stage itself: where and when its mission began, for the manager that is started after a crash.
   std::string resume;
   ScoutingParams scouting;
   std::vector<UnknownKey> unknown;
@@ -25,18 +23,13 @@ struct ScoutNodeletParams {
   template <class Self, class Visit>
   static void fields(Self& self, Visit&& visit) {
     NodeletParams::fields(self.nodelet, visit);
-    visit("base_frame", self.base_frame, "frame of the vehicle, whose pose is that of `odometry`");
+    visit("base_frame", self.base_frame,
+          "frame of the vehicle: x ahead, y left, z up; midway between its driven wheels where it has such");
     visit("dem", self.dem,
           "path of the elevation, as that of grid_mapping; empty: level ground, scouting.height_m below the begin");
-    visit("period_s", self.period_s, Bounds{0.02, 2.0}, "s", "least time between steps of the mission");
-    visit("map_period_s", self.map_period_s, Bounds{0.1, 100.0}, "s",
-          "least time between looks at the maps of what stands around");
     visit("timeout_s", self.timeout_s, Bounds{0.1, 1000.0}, "s",
           "where targets are older the vehicle holds, until the way home is due");
-    visit("reset_time_jump_s", self.reset_time_jump_s, Bounds{0.0, 1e6}, "s",
-          "a stamp that goes back by more than this is a time that was set back: the mission goes on");
-    visit("resume", self.resume,
-          "set by the stage itself: where and when its mission began, for the manager that is started after a crash");
+    visit("resume", self.resume, "");
     visit("scouting", self.scouting);
   }
 };
