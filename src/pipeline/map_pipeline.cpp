@@ -228,9 +228,9 @@ const MapDelta& MapPipeline::restore(const Map& saved, std::int64_t stamp_ns) {
       chain.vertices = lines->vertices;
     } else {
       elements += length_m(splinegon_of(*arcs)) / spacing_m;
-      if (!(elements <= static_cast<double>(polygon_bounds::kMaxElements))) {
+      if (!(elements <= static_cast<double>(PolygonMap::kMaxElements))) {
         throw std::invalid_argument("its boundaries are too long: they would be more than " +
-                                    std::to_string(polygon_bounds::kMaxElements) + " elements");
+                                    std::to_string(PolygonMap::kMaxElements) + " elements");
       }
       chain.vertices = lines_along(splinegon_of(*arcs), spacing_m);
       std::reverse(chain.vertices.begin(), chain.vertices.end());

@@ -21,7 +21,7 @@ PolygonPipeline::PolygonPipeline(const PolygonPipelineParams& params,
 }
 
 void PolygonPipeline::begin_anew() {
-  map_.restore({});
+  map_.reset();
   movers_.reset();
   if (objects_) objects_->map().reset();
 }

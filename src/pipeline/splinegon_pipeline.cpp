@@ -12,7 +12,6 @@
 #include "situation_awareness/common/time.hpp"
 #include "situation_awareness/geometry/angles.hpp"
 #include "situation_awareness/map/map.hpp"
-#include "situation_awareness/map/polygons/map_snapshot.hpp"
 #include "situation_awareness/points/horizontal_projection.hpp"
 
 namespace situation_awareness {
@@ -232,7 +231,7 @@ const Polygons& SplinegonPipeline::polygons_in_world() {
 }
 
 void SplinegonPipeline::reset() {
-  chains_.restore({});
+  chains_.reset();
   movers_.reset();
   if (objects_) objects_->map().reset();
   latest_ = nullptr;
@@ -247,7 +246,7 @@ void SplinegonPipeline::reset() {
 
 std::uint64_t SplinegonPipeline::resume(const Polygons& chains) {
   const Pose2 T_map_world = inverse(alignment_.T_world_map());
-  const std::uint64_t first_id = chains_.snapshot().next_id;
+  const std::uint64_t first_id = chains_.next_id();
   Polygons placed = chains;
   std::uint64_t next_id = first_id;
   for (Chain& chain : placed.chains) {
@@ -255,9 +254,7 @@ std::uint64_t SplinegonPipeline::resume(const Polygons& chains) {
     move_vertices(chain.vertices, T_map_world, 0.0);
     for (ChainVertex& vertex : chain.vertices) vertex.sigma_m = std::max(vertex.sigma_m, kLeastLoadedSigma_m);
   }
-  PolygonMapSnapshot snapshot = snapshot_of_chains(placed, params_.polygons.spacing_m);
-  snapshot.next_id = next_id;
-  chains_.restore(snapshot);
+  chains_.restore(placed);
   movers_.reset();
   if (objects_) objects_->map().reset();
   latest_ = nullptr;

@@ -21,7 +21,6 @@
 #include "situation_awareness/evaluation/grid_scenes.hpp"
 #include "situation_awareness/geometry/angles.hpp"
 #include "situation_awareness/map/feature_json.hpp"
-#include "situation_awareness/map/map_fields.hpp"
 #include "situation_awareness/map/objects/map_file.hpp"
 #include "situation_awareness/map/objects/object_map.hpp"
 #include "situation_awareness/pipeline/grid_pipeline.hpp"
@@ -84,7 +83,16 @@ Outcome polygons(const WrongStamp& wrong) {
     polylines.stamp_ns = wrong("scan", i, polylines.stamp_ns);
     outcome.refused += !map.update(polylines, Eigen::Vector3d(1e-6, 1e-6, 1e-7).asDiagonal());
   }
-  WriteFields(outcome.state)("elements", map.map().snapshot().elements);
+  std::ostringstream state;
+  for (const Chain& chain : map.map().polygons().chains) {
+    state << chain.id << ' ' << chain.closed << ' ' << chain.first_seen_ns << ' ' << chain.last_seen_ns << ' '
+          << exact(chain.p_exists);
+    for (const ChainVertex& vertex : chain.vertices) {
+      state << exact(vertex.p_world_m.x()) << exact(vertex.p_world_m.y()) << exact(vertex.sigma_m);
+    }
+    state << '\n';
+  }
+  outcome.state = state.str();
   return outcome;
 }
 

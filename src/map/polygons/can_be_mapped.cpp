@@ -12,8 +12,17 @@ namespace {
 constexpr double kFarthest_m = 1e6;
 /// rad. A yaw of so many turns is no yaw of a sensor.
 constexpr double kMostYaw_rad = 1e6;
+/// rad. An azimuth is that of a beam, not wrapped.
+constexpr float kMaxAzimuth_rad = 100.0F;
 /// The length of a unit vector may be off by so much.
 constexpr double kLengthError = 1e-6;
+
+/// As many ranges as azimuths, which ascend, and all of them numbers.
+bool is_free_space(const std::vector<float>& azimuth_rad, const std::vector<float>& range_m) {
+  return azimuth_rad.size() == range_m.size() && std::is_sorted(azimuth_rad.begin(), azimuth_rad.end()) &&
+         std::all_of(azimuth_rad.begin(), azimuth_rad.end(), [](float a) { return std::abs(a) < kMaxAzimuth_rad; }) &&
+         std::all_of(range_m.begin(), range_m.end(), [](float r) { return r >= 0.0F; });
+}
 
 }  // namespace
 

@@ -99,12 +99,4 @@ void Joints::forget(const std::vector<std::uint64_t>& ids) {
   joints_.erase(std::remove_if(joints_.begin(), joints_.end(), is_gone), joints_.end());
 }
 
-void Joints::restore(std::vector<Joint> joints) {
-  joints_ = std::move(joints);
-  seen_.clear();
-  for (const Joint& joint : joints_) {
-    if (joint.is_seen) seen_.emplace_back(joint.low, joint.high);
-  }
-}
-
 }  // namespace situation_awareness

@@ -113,152 +113,43 @@ void MapChains::remove(const Surfels& surfels, Index index) {
 
 void MapChains::touch_all() { is_all_touched_ = true; }
 
-void MapChains::save(const Surfels& surfels, PolygonMapSnapshot& snapshot) const {
-  snapshot.next_id = next_id_;
-  if (joined_at_ns_ != std::numeric_limits<std::int64_t>::min()) snapshot.joined_at_ns = joined_at_ns_;
-  snapshot.joints = joints_.joints();
-  for (std::size_t k = 0; k < snapshot.joints.size(); ++k) {
-    if (snapshot.joints[k].met) snapshot.met_joints.values.push_back(static_cast<std::int32_t>(k));
+void MapChains::begin_anew(std::uint64_t next_id) {
+  next_id_ = std::max(next_id_, next_id);
+  joined_at_ns_ = std::numeric_limits<std::int64_t>::min();
+  joints_ = Joints();
+  if (!is_begun_anew_) {
+    for (const Holder& holder : holders_) before_anew_.push_back(kept(holder.slot).chain);
   }
-  const bool has_changed = is_all_touched_ || !touched_.empty() || !removed_world_m_.empty() || !window_slots_.empty();
-  if (has_changed) return;
-  std::vector<const Kept*> in_order;
-  for (const Kept& chain : kept_) {
-    if (chain.is_alive) in_order.push_back(&chain);
-  }
-  std::sort(in_order.begin(), in_order.end(), [](const Kept* a, const Kept* b) { return a->rank < b->rank; });
-  for (const Kept* chain : in_order) {
-    ChainPlaces& places = snapshot.chains.values.emplace_back();
-    places.id = chain->chain.id;
-    places.closed = chain->closed;
-    places.loop = chain->rank.first;
-    places.begun_at = chain->rank.second;
-    for (Index i = chain->first; i != kNone; i = members_[static_cast<std::size_t>(i)].after) {
-      places.elements.push_back(i);
-    }
-  }
-  for (Index i = 0; i < static_cast<Index>(members_.size()); ++i) {
-    if (!surfels[i].alive || !surfels[i].confirmed) continue;
-    const Member& own = members_[static_cast<std::size_t>(i)];
-    if (!own.is_shown) snapshot.seldom_hit.values.push_back(i);
-    if (own.is_crossed) snapshot.crossed.values.push_back(i);
-  }
-  snapshot.renamed.values = renamed_;
-  save_lines(snapshot);
-}
-
-/// Each from its right end on; a loop ends with the element that it begins with.
-void MapChains::save_lines(PolygonMapSnapshot& snapshot) const {
-  const auto at = [&](Index index) -> const Member& { return members_[static_cast<std::size_t>(index)]; };
-  std::vector<bool> is_told(members_.size());
-  const auto tell = [&](Index first) {
-    Index i = first;
-    do {
-      snapshot.lines.values.push_back(i);
-      is_told[static_cast<std::size_t>(i)] = true;
-      i = at(i).line_left;
-    } while (i != kNone && !is_told[static_cast<std::size_t>(i)]);
-    if (i != kNone) snapshot.lines.values.push_back(i);
-    snapshot.lines.values.push_back(kNone);
-  };
-  for (Index i = 0; i < static_cast<Index>(members_.size()); ++i) {
-    if (at(i).line_right == kNone && at(i).line_left != kNone) tell(i);
-  }
-  for (Index i = 0; i < static_cast<Index>(members_.size()); ++i) {
-    if (at(i).line_left != kNone && !is_told[static_cast<std::size_t>(i)]) tell(i);
-  }
-}
-
-void MapChains::restore(const Surfels& surfels, const PolygonMapSnapshot& snapshot) {
-  next_id_ = std::max(next_id_, snapshot.next_id);
-  joined_at_ns_ = snapshot.joined_at_ns == PolygonMapSnapshot::kNoStamp ? std::numeric_limits<std::int64_t>::min()
-                                                                        : snapshot.joined_at_ns;
-  std::vector<Joints::Joint> joints = snapshot.joints;
-  for (const std::int32_t joint : snapshot.met_joints.values) {
-    joints[static_cast<std::size_t>(joint)].met = joints[static_cast<std::size_t>(joint)].is_seen = true;
-  }
-  joints_.restore(std::move(joints));
-  if (!is_restored_) {
-    for (const Holder& holder : holders_) before_restored_.push_back(kept(holder.slot).chain);
-  }
-  is_restored_ = true;
+  is_begun_anew_ = is_all_touched_ = true;
   kept_.clear();
   for (std::vector<Slot>* slots : {&free_slots_, &window_slots_}) slots->clear();
   holders_.clear();
   names_.clear();
   lost_names_.clear();
-  touched_.clear();
-  for (std::vector<Index>* list : {&ageing_, &were_ageing_}) list->clear();
   due_.clear();
   removed_world_m_.clear();
-  members_.assign(static_cast<std::size_t>(surfels.end()), Member{});
-  is_all_touched_ = snapshot.chains.values.empty();
-  restore_chains(surfels, snapshot);
+  for (std::vector<Index>* list : {&touched_, &renamed_, &ageing_, &were_ageing_}) list->clear();
+  members_.clear();
 }
 
-void MapChains::restore_chains(const Surfels& surfels, const PolygonMapSnapshot& snapshot) {
-  for (Index i = 0; i < surfels.end(); ++i) {
-    member(i).is_shown = member(i).is_known = surfels[i].alive && surfels[i].confirmed;
-  }
-  for (const Index i : snapshot.seldom_hit.values) member(i).is_shown = false;
-  for (const Index i : snapshot.crossed.values) member(i).is_crossed = true;
-  renamed_ = snapshot.renamed.values;
-  const std::vector<std::int32_t>& lines = snapshot.lines.values;
-  for (std::size_t k = 0; k + 1 < lines.size(); ++k) {
-    if (lines[k] == kNone || lines[k + 1] == kNone) continue;
-    member(lines[k]).line_left = lines[k + 1];
-    member(lines[k + 1]).line_right = lines[k];
-  }
-  for (const ChainPlaces& places : snapshot.chains.values) {
-    const Slot slot = new_slot();
-    Kept& chain = kept(slot);
-    chain.first = places.elements.front();
-    chain.elements = places.elements.size();
-    chain.rank = {places.loop, places.begun_at};
-    chain.closed = places.closed;
-    chain.chain.id = places.id;
-    for (std::size_t k = 0; k < places.elements.size(); ++k) {
-      Member& own = member(places.elements[k]);
-      own.slot = slot;
-      own.before = k > 0 ? places.elements[k - 1] : kNone;
-      own.after = k + 1 < places.elements.size() ? places.elements[k + 1] : kNone;
-      names_.emplace_back().name = surfels[places.elements[k]].chain;
-    }
-    if (places.id == 0) continue;
-    copy_with_room(fitted(surfels, chain), chain.chain);
-    chain.chain.id = places.id;
-    holders_.push_back({places.id, slot});
-  }
-  std::sort(holders_.begin(), holders_.end(), [](const Holder& a, const Holder& b) { return a.id < b.id; });
-  std::sort(names_.begin(), names_.end(), [](const Named& a, const Named& b) { return a.name < b.name; });
-  names_.erase(
-      std::unique(names_.begin(), names_.end(), [](const Named& a, const Named& b) { return a.name == b.name; }),
-      names_.end());
-  if (!names_.empty() && names_.front().name == 0) names_.erase(names_.begin());
-  for (Index i = 0; i < surfels.end(); ++i) {
-    if (member(i).slot != kNone) count(i, surfels[i].chain);
-    if (member(i).is_shown) plan(i, hidden_from_ns(surfels, i));
-  }
-}
-
-/// To those of the update: what is not as it was before restore().
-void MapChains::add_restored_changes() {
-  is_restored_ = false;
+/// To those of the update: what is not as it was before begin_anew().
+void MapChains::add_changes_by_beginning_anew() {
+  is_begun_anew_ = false;
   changes_.changed.clear();
   changes_.gone.clear();
   std::size_t before = 0;
   for (const Holder& holder : holders_) {
-    for (; before < before_restored_.size() && before_restored_[before].id < holder.id; ++before) {
-      changes_.gone.push_back(before_restored_[before].id);
+    for (; before < before_anew_.size() && before_anew_[before].id < holder.id; ++before) {
+      changes_.gone.push_back(before_anew_[before].id);
     }
-    const bool was_there = before < before_restored_.size() && before_restored_[before].id == holder.id;
-    if (!was_there || !are_same(before_restored_[before], kept(holder.slot).chain)) {
+    const bool was_there = before < before_anew_.size() && before_anew_[before].id == holder.id;
+    if (!was_there || !are_same(before_anew_[before], kept(holder.slot).chain)) {
       changes_.changed.push_back(holder.id);
     }
     before += was_there ? 1 : 0;
   }
-  for (; before < before_restored_.size(); ++before) changes_.gone.push_back(before_restored_[before].id);
-  before_restored_.clear();
+  for (; before < before_anew_.size(); ++before) changes_.gone.push_back(before_anew_[before].id);
+  before_anew_.clear();
 }
 
 /// The tiles of what changed and, around them, of what it may be linked with or compared to.
@@ -734,11 +625,6 @@ void MapChains::count_names(const Surfels& surfels) {
   for (const Index i : window_) {
     count(i, member(i).slot != kNone ? surfels[i].chain : 0);
   }
-  if (is_restored_) {
-    for (const Joints::Joint& joint : joints_.joints()) {
-      for (const std::uint64_t name : {joint.low, joint.high}) lost_names_.push_back(name);
-    }
-  }
   if (lost_names_.empty()) return;
   std::sort(lost_names_.begin(), lost_names_.end());
   lost_names_.erase(std::unique(lost_names_.begin(), lost_names_.end()), lost_names_.end());
@@ -921,7 +807,7 @@ bool MapChains::is_due(const Surfels& surfels, Index index, std::int64_t stamp_n
 }
 
 bool MapChains::are_due(const Surfels& surfels, std::int64_t stamp_ns) const {
-  if (is_all_touched_ || is_restored_ || !removed_world_m_.empty() || !window_slots_.empty()) return true;
+  if (is_all_touched_ || !removed_world_m_.empty() || !window_slots_.empty()) return true;
   return std::any_of(touched_.begin(), touched_.end(), [&](Index i) { return is_due(surfels, i, stamp_ns); });
 }
 
@@ -963,7 +849,7 @@ const ChainChanges& MapChains::update(Surfels& surfels, std::int64_t stamp_ns, c
   replace(surfels);
   count_names(surfels);
   plan_unjudged(surfels);
-  if (is_restored_) add_restored_changes();
+  if (is_begun_anew_) add_changes_by_beginning_anew();
   for (const Index i : window_) {
     member(i).is_in_window = false;
     member(i).is_known = true;

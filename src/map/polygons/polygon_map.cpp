@@ -9,6 +9,7 @@
 #include "situation_awareness/common/time.hpp"
 #include "situation_awareness/common/usual_room.hpp"
 #include "situation_awareness/geometry/angles.hpp"
+#include "surfels_along.hpp"
 
 namespace situation_awareness {
 namespace {
@@ -174,6 +175,30 @@ PolygonMap::PolygonMap(const PolygonMapParams& params)
   for (std::vector<Index>* list : {&given_up_, &unsettled_, &passed_}) list->reserve(kUsualRoom);
 }
 
+void PolygonMap::begin_anew(std::int64_t stamp_ns, std::uint64_t next_id) {
+  stamp_ns_ = made_ns_ = stamp_ns;
+  waited_s_ = 0.0;
+  next_watch_ = 0;
+  std::fill(watches_.begin(), watches_.end(), Watch{});
+  unsettled_.clear();
+  surfels_.clear();
+  chains_.begin_anew(next_id);
+}
+
+void PolygonMap::reset() { begin_anew(std::numeric_limits<std::int64_t>::min(), 1); }
+
+void PolygonMap::restore(const Polygons& polygons) {
+  const std::vector<Surfel> surfels = surfels_along(polygons, params_.spacing_m);
+  std::uint64_t next_id = 1;
+  for (const Chain& chain : polygons.chains) next_id = std::max(next_id, chain.id + 1);
+  begin_anew(polygons.stamp_ns, next_id);
+  for (const Surfel& surfel : surfels) {
+    const Index index = surfels_.add(surfel);
+    most_extent_m_ = std::max(most_extent_m_, surfel.high_m);
+    if (surfel.log_odds < 0.0) unsettled_.push_back(index);
+  }
+}
+
 PolygonMap::Index PolygonMap::add(const Surfel& surfel) {
   const Index index = surfels_.add(surfel);
   chains_.touch(index);
@@ -248,7 +273,7 @@ PolygonMap::Index PolygonMap::of_line(const Neighbours& beside) const {
 }
 
 /// A map that a file can hold.
-bool PolygonMap::is_full() const { return elements() >= polygon_bounds::kMaxElements; }
+bool PolygonMap::is_full() const { return elements() >= kMaxElements; }
 
 /// Between two known elements a new one begins with what these know.
 PolygonMap::Index PolygonMap::create(const Eigen::Vector2d& p_world_m, const Eigen::Vector2d& normal_world,

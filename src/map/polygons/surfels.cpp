@@ -136,37 +136,13 @@ void Surfels::move(Index index, const Eigen::Vector2d& p_world_m) {
   enter_tile(index, tile);
 }
 
-/// Cell by cell: how many buckets there are says nothing.
-std::vector<Surfels::Index> Surfels::in_order() const {
-  std::vector<Index> result;
-  result.reserve(count());
-  for (const Index first : buckets_) {
-    for (Index i = first; i != kNone; i = places_[static_cast<std::size_t>(i)].next) result.push_back(i);
-  }
-  std::stable_sort(result.begin(), result.end(), [&](Index a, Index b) {
-    const Place &p = places_[static_cast<std::size_t>(a)], &q = places_[static_cast<std::size_t>(b)];
-    return p.cell_x != q.cell_x ? p.cell_x > q.cell_x : p.cell_y > q.cell_y;
-  });
-  std::reverse(result.begin(), result.end());  // insertion is at the front
-  return result;
-}
-
-void Surfels::begin(std::size_t elements, const std::vector<Index>& free_places) {
-  free_ = free_places;
-  surfels_.assign(elements + free_.size(), Surfel{});
-  places_.assign(surfels_.size(), Place{});
-  std::size_t buckets = buckets_.size();
-  while (buckets < surfels_.size()) buckets *= 2;
-  buckets_.assign(buckets, kNone);
+void Surfels::clear() {
+  surfels_.clear();
+  free_.clear();
+  places_.clear();
+  std::fill(buckets_.begin(), buckets_.end(), kNone);
   tiles_.clear();
   std::fill(tile_buckets_.begin(), tile_buckets_.end(), kNone);
-}
-
-void Surfels::put(Index index, const Surfel& surfel) {
-  (*this)[index] = surfel;
-  (*this)[index].alive = true;
-  insert(index);
-  enter_tile(index, tile_at(surfel.p_world_m));
 }
 
 }  // namespace situation_awareness

@@ -20,13 +20,13 @@ class GuardedMap {
     if (!can_be_mapped(polylines, pose_covariance)) return false;
     const StampOrder::Verdict verdict = order_.judge(polylines.stamp_ns);
     if (verdict == StampOrder::Verdict::kRefused) return false;
-    if (verdict == StampOrder::Verdict::kRestart) map_.restore({});
+    if (verdict == StampOrder::Verdict::kRestart) map_.reset();
     update_ = map_.update(polylines, pose_covariance, std::move(update_));
     map_.update_due_chains();
     return true;
   }
   void reset() {
-    map_.restore({});
+    map_.reset();
     map_.update_chains();
     order_.reset();
   }

@@ -6,10 +6,8 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <deque>
 #include <limits>
 #include <map>
-#include <string>
 #include <vector>
 
 #include <gtest/gtest.h>
@@ -20,8 +18,6 @@
 #include "situation_awareness/common/time.hpp"
 #include "situation_awareness/geometry/angles.hpp"
 #include "situation_awareness/geometry/box.hpp"
-#include "situation_awareness/map/map_fields.hpp"
-#include "situation_awareness/map/polygons/map_snapshot.hpp"
 #include "situation_awareness/map/polygons/polygon_map.hpp"
 #include "situation_awareness/path/obstacles.hpp"
 #include "situation_awareness/points/horizontal_projection.hpp"
@@ -85,75 +81,6 @@ void expect_same_chains(PolygonMap& a, PolygonMap& b, int scan) {
   expect_same_latest_chains(a, b, scan);
 }
 
-/// All that a snapshot has, to compare it.
-std::string text_of(const PolygonMap& map) {
-  const PolygonMapSnapshot snapshot = map.snapshot();
-  std::string text;
-  WriteFields fields(text);
-  fields("elements", snapshot.elements);
-  fields("joints", snapshot.joints);
-  const auto add = [&text](const auto& values) {
-    for (const auto value : values) text += ' ' + std::to_string(value);
-    text += '\n';
-  };
-  for (const ChainPlaces& chain : snapshot.chains.values) {
-    add(std::array{static_cast<std::int64_t>(chain.id), std::int64_t{chain.begun_at}, std::int64_t{chain.closed},
-                   std::int64_t{chain.loop}});
-    add(chain.elements);
-  }
-  for (const PlaceRow* row : {&snapshot.free_places, &snapshot.met_joints, &snapshot.seldom_hit, &snapshot.crossed,
-                              &snapshot.renamed, &snapshot.lines}) {
-    add(row->values);
-  }
-  for (const PolygonMapWatch& watch : snapshot.watches) add(watch.range_m.values);
-  add(std::array{snapshot.stamp_ns, snapshot.joined_at_ns, static_cast<std::int64_t>(snapshot.next_id)});
-  return text;
-}
-
-/// A map, and copies of it that were made at different scans and go on beside it.
-class WithCopies {
- public:
-  explicit WithCopies(UpdateChains update_chains = &PolygonMap::update_chains) : update_chains_(update_chains) {}
-
-  void update(const Polylines& polylines) {
-    map_.update(polylines, kCovariance);
-    const ChainChanges changes = (map_.*update_chains_)();
-    for (Copy& copy : copies_) {
-      copy.map.update(polylines, kCovariance);
-      const ChainChanges& of_copy = (copy.map.*update_chains_)();
-      ASSERT_EQ(of_copy.changed, changes.changed) << "at scan " << scan_ << ", of scan " << copy.begun_at;
-      ASSERT_EQ(of_copy.gone, changes.gone) << "at scan " << scan_ << ", of scan " << copy.begun_at;
-      ASSERT_NO_FATAL_FAILURE(expect_same_latest_chains(copy.map, map_, scan_));
-    }
-    if (!copies_.empty() && copies_.front().begun_at + kFollowed == scan_) {
-      if (copies_.front().begun_at % 2 == 0) {
-        ASSERT_TRUE(text_of(copies_.front().map) == text_of(map_)) << "of scan " << copies_.front().begun_at;
-      }
-      copies_.pop_front();
-    }
-    if (++scan_ % kEvery != 0) return;
-    map_.update_chains();  // for what is saved, and so for all
-    for (Copy& copy : copies_) ASSERT_NO_FATAL_FAILURE(expect_same_chains(copy.map, map_, scan_));
-    Copy& copy = copies_.emplace_back();
-    copy.begun_at = scan_;
-    copy.map.restore(map_.snapshot());
-    ASSERT_NO_FATAL_FAILURE(expect_same_chains(copy.map, map_, scan_));
-  }
-  PolygonMap& map() { return map_; }
-
- private:
-  static constexpr int kEvery = 17, kFollowed = 25;
-  struct Copy {
-    PolygonMap map{PolygonMapParams{}};
-    int begun_at = 0;
-  };
-
-  UpdateChains update_chains_;
-  PolygonMap map_{PolygonMapParams{}};
-  std::deque<Copy> copies_;
-  int scan_ = 0;
-};
-
 // A motion that moves nothing: every element may be another one then.
 void touch_all(PolygonMap& map) {
   map.deform([](std::int64_t /*drawn_ns*/) { return Pose2{}; });
@@ -162,8 +89,7 @@ void touch_all(PolygonMap& map) {
 /// Updates a map and its chains, and where it `is_compared`, linking all again from the same state has to make the
 /// same.
 void update(PolygonMap& map, const Polylines& polylines, int scan, bool is_compared) {
-  PolygonMap anew({});
-  if (is_compared) anew.restore(map.snapshot());
+  PolygonMap anew = map;
   map.update(polylines, kCovariance);
   map.update_chains();
   if (!is_compared) return;
@@ -270,8 +196,8 @@ void follow_a_room(UpdateChains update_chains) {
   }
   EXPECT_GT(mirror.gone(), 0U);
 
-  const PolygonMapSnapshot saved = map.snapshot();
-  map.restore({});
+  const Polygons saved = map.polygons();
+  map.reset();
   mirror.follow(map);
   mirror.expect_equals(map);
   EXPECT_TRUE(map.polygons().chains.empty());
@@ -284,29 +210,6 @@ void follow_a_room(UpdateChains update_chains) {
 TEST(MapChains, WhoFollowsTheChangesHasTheMap) { follow_a_room(&PolygonMap::update_chains); }
 
 TEST(MapChains, WhoFollowsTheChangesThatAreDueHasTheMap) { follow_a_room(&PolygonMap::update_due_chains); }
-
-// Whatever linking by change goes on with is in the snapshot.
-TEST(MapChains, ACopyGoesOnAsTheMapThatWasSaved) {
-  StreetDrive street(6);
-  WithCopies maps;
-  for (int i = 0; i < 220; ++i) {
-    if (i == 90 || i == 160) street.turn_round();
-    ASSERT_NO_FATAL_FAILURE(maps.update(polylines_of(street.next())));
-  }
-  EXPECT_GT(maps.map().polygons().chains.size(), 40U);
-}
-
-TEST(MapChains, ACopyOfARoomInWhichThingsComeAndGoGoesOnAsWell) {
-  RoomPolylines room(7, 1'000'000'000'000, {{0.0, 0.0}, 0.0, 6.0, 4.0});
-  for (int k = 0; k < 4; ++k) room.add_box({{-3.0 + 1.7 * k, k % 2 == 0 ? 1.9 : -1.6}, 0.4 * k, 0.3, 0.2});
-  WithCopies maps;
-  for (int i = 0; i < 250; ++i) {
-    if (i % 80 == 30) room.add_box({{-2.0 + 0.01 * i, 0.8 - 0.005 * i}, 0.02 * i, 0.25, 0.15});
-    if (i % 80 == 70) room.remove_box();
-    ASSERT_NO_FATAL_FAILURE(maps.update(room.next()));
-  }
-  EXPECT_GT(maps.map().polygons().chains.size(), 4U);
-}
 
 /// A room with chains that are made when they are due, beside those that are made with each scan.
 class DueChains : public testing::Test {
@@ -458,33 +361,6 @@ TEST_F(DueChains, AreMadeInTimeWhateverTheScans) {
   const Polygons waiting = due.latest_polygons(), made = due.polygons();
   ASSERT_EQ(waiting.chains.size(), made.chains.size());
   for (std::size_t c = 0; c < made.chains.size(); ++c) expect_same(waiting.chains[c], made.chains[c]);
-}
-
-TEST_F(DueChains, ACopyGoesOnAsTheMapThatWasSaved) {
-  for (int k = 0; k < 4; ++k) room_.add_box({{-3.0 + 1.7 * k, k % 2 == 0 ? 1.9 : -1.6}, 0.4 * k, 0.3, 0.2});
-  WithCopies maps(&PolygonMap::update_due_chains);
-  for (int i = 0; i < 250; ++i) {
-    if (i % 80 == 30) room_.add_box({{-2.0 + 0.01 * i, 0.8 - 0.005 * i}, 0.02 * i, 0.25, 0.15});
-    if (i % 80 == 70) room_.remove_box();
-    ASSERT_NO_FATAL_FAILURE(maps.update(room_.next()));
-  }
-  EXPECT_GT(maps.map().polygons().chains.size(), 4U);
-}
-
-// Chains that were not made since elements changed are made by the copy.
-TEST(MapChains, ACopyOfAMapWhoseChainsWereNotMadeMakesThem) {
-  RoomPolylines room(8);
-  room.add_box({{1.5, 1.0}, 0.3, 0.2, 0.15});
-  PolygonMap map({}), copy({});
-  for (int i = 0; i < 40; ++i) {
-    map.update(room.next(), kCovariance);
-    map.update_chains();
-  }
-  map.update(room.next(), kCovariance);
-  copy.restore(map.snapshot());
-  EXPECT_TRUE(map.snapshot().chains.values.empty());
-  ASSERT_NO_FATAL_FAILURE(expect_same_chains(copy, map, 40));
-  EXPECT_FALSE(map.snapshot().chains.values.empty());
 }
 
 TEST(MapChains, WhatIsOutOfReachDoesNotChange) {

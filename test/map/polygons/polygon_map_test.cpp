@@ -82,6 +82,17 @@ class World {
   const PolygonMapUpdate& last_update() const { return update_; }
   PolygonMap& map() { return map_; }
 
+  /// Of all chains, as they are now.
+  std::vector<BoundaryElement> elements() {
+    std::vector<BoundaryElement> result, of_chain;
+    const std::size_t chains = map_.latest_polygons().chains.size();
+    for (std::size_t c = 0; c < chains; ++c) {
+      map_.elements_of(c, of_chain);
+      result.insert(result.end(), of_chain.begin(), of_chain.end());
+    }
+    return result;
+  }
+
  private:
   Pose2 pose_error() {
     if (pose_sigma_m_ == 0.0) return {};  // draws no random numbers
@@ -95,6 +106,11 @@ class World {
   PolygonMapUpdate update_;
   Polygons polygons_;
 };
+
+/// Towards the free side.
+Eigen::Vector2d normal_of(const BoundaryElement& element) {
+  return {-element.along_world.y(), element.along_world.x()};
+}
 
 double distance_m(const Eigen::Vector2d& p_m, const Eigen::Vector2d& a_m, const Eigen::Vector2d& b_m) {
   const Eigen::Vector2d way_m = b_m - a_m;
@@ -359,11 +375,12 @@ TEST(PolygonMap, AKnownWallGetsNoMoreElementsByHitsThatStray) {
   const auto around = [](double t) { return Pose2{{0.3 + 0.4 * std::sin(t), 0.2 + 0.4 * std::cos(t)}, 0.1 * t}; };
   world.see(room(), 1.0, around);
   ASSERT_EQ(world.polygons().chains.size(), 1U);
-  world.map().restore(snapshot_of_chains(world.polygons(), PolygonMapParams().spacing_m));
+  world.map().restore(world.polygons());
+  world.map().update_chains();
   const auto of_walls = [&] {
-    const std::vector<PolygonMapElement> elements = world.map().snapshot().elements;
-    return std::count_if(elements.begin(), elements.end(), [](const PolygonMapElement& element) {
-      return element.confirmed && (element.p_world_m.cwiseAbs() - Eigen::Vector2d(3.0, 2.0)).norm() > 0.15;
+    const std::vector<BoundaryElement> elements = world.elements();
+    return std::count_if(elements.begin(), elements.end(), [](const BoundaryElement& element) {
+      return (element.p_world_m.cwiseAbs() - Eigen::Vector2d(3.0, 2.0)).norm() > 0.15;
     });
   };
   const auto known = of_walls();
@@ -377,24 +394,17 @@ TEST(PolygonMap, DeformsAsItIsTold) {
   World world(11);
   world.see(room(), 3.0);
   const Pose2 motion = {{3.0, -2.0}, 0.7};
-  const auto elements_of = [&] { return world.map().snapshot().elements; };
-  const auto before = elements_of();
+  const std::vector<BoundaryElement> before = world.elements();
   world.map().deform([&](std::int64_t drawn_ns) {
-    EXPECT_LE(before.front().first_seen_ns, drawn_ns);
+    EXPECT_LE(world.polygons().chains.front().first_seen_ns, drawn_ns);
     EXPECT_LE(drawn_ns, world.polygons().stamp_ns);
     return motion;
   });
-  const auto moved = elements_of();
-  ASSERT_EQ(moved.size(), before.size());
-  std::size_t found = 0;
-  for (std::size_t i = 0; i < before.size(); ++i) {
-    if (!before[i].confirmed) continue;
+  EXPECT_GT(before.size(), 400U);
+  for (const BoundaryElement& element : before) {
     // Found at its new place, so the index of places moved, too.
-    found +=
-        world.map().find_facing(motion * before[i].p_world_m, motion.rotation() * before[i].normal_world, 0.01) ? 1 : 0;
+    EXPECT_TRUE(world.map().find_facing(motion * element.p_world_m, motion.rotation() * normal_of(element), 0.01));
   }
-  EXPECT_EQ(found, static_cast<std::size_t>(std::count_if(before.begin(), before.end(),
-                                                          [](const auto& element) { return element.confirmed; })));
   world.map().deform([&](std::int64_t) { return inverse(motion); });
   world.see(room(), 1.0);
   ASSERT_EQ(world.polygons().chains.size(), 1U);
@@ -407,16 +417,14 @@ TEST(PolygonMap, MakesOneOfWhatWasDrawnTwice) {
   const Pose2 beside = {{0.17, -0.16}, 0.0};
   world.see(room(), 2.0);
   world.map().merge_doubles(0.05);  // of its corners
-  PolygonMapSnapshot twice = world.map().snapshot();
-  const std::size_t once = twice.elements.size();
-  std::int64_t place = 0;
-  for (const PolygonMapElement& element : twice.elements) place = std::max(place, element.place);
-  for (std::size_t i = 0; i < once; ++i) {
-    PolygonMapElement element = twice.elements[i];
-    element.p_world_m = beside * element.p_world_m;
-    element.first_seen_ns = element.last_seen_ns;
-    element.place = ++place;
-    twice.elements.push_back(element);
+  Polygons twice = world.map().polygons();
+  world.map().restore(twice);
+  const std::size_t once = world.map().elements();
+  for (std::size_t c = twice.chains.size(); c-- > 0;) {
+    Chain& copy = twice.chains.emplace_back(twice.chains[c]);
+    copy.id = world.map().next_id() + c;
+    copy.first_seen_ns = copy.last_seen_ns;
+    for (ChainVertex& vertex : copy.vertices) vertex.p_world_m = beside * vertex.p_world_m;
   }
   world.map().restore(twice);
   world.map().merge_doubles(0.05);  // they are farther apart
@@ -425,8 +433,8 @@ TEST(PolygonMap, MakesOneOfWhatWasDrawnTwice) {
   EXPECT_LT(world.map().elements(), once + once / 20);
   Walls moved = room();
   for (auto& wall : moved) wall = {beside * wall.from, beside * wall.to};
-  for (const PolygonMapElement& element : world.map().snapshot().elements) {
-    if (!element.confirmed) continue;
+  world.map().update_chains();
+  for (const BoundaryElement& element : world.elements()) {
     const Eigen::Vector2d& p_m = element.p_world_m;
     EXPECT_LT(std::min(distance_m(p_m, room()), distance_m(p_m, moved)), 0.1);
   }
@@ -435,13 +443,12 @@ TEST(PolygonMap, MakesOneOfWhatWasDrawnTwice) {
 TEST(PolygonMap, GivesUpWhatIsBehindAPlace) {
   World world(12);
   world.see(room(), 3.0);
-  const auto elements = world.map().snapshot().elements;
-  const auto place = std::find_if(elements.begin(), elements.end(), [](const auto& e) { return e.confirmed; });
-  ASSERT_NE(place, elements.end());
-  const Eigen::Vector2d n = place->normal_world, before_it_m = place->p_world_m + 0.3 * n;
-  const auto is_there = [&] { return world.map().find_facing(place->p_world_m, n, 0.02).has_value(); };
-  const std::int64_t later_ns = place->last_seen_ns + 10'000'000'000;
-  world.map().give_up_behind(before_it_m, n, 0.1, 0.5, place->first_seen_ns);  // hit since then
+  const Eigen::Vector2d place_m = world.elements().front().p_world_m, n = normal_of(world.elements().front());
+  const Eigen::Vector2d before_it_m = place_m + 0.3 * n;
+  const auto is_there = [&] { return world.map().find_facing(place_m, n, 0.02).has_value(); };
+  const std::int64_t first_ns = world.polygons().chains.front().first_seen_ns;
+  const std::int64_t later_ns = world.polygons().stamp_ns + 10'000'000'000;
+  world.map().give_up_behind(before_it_m, n, 0.1, 0.5, first_ns);  // hit since then
   EXPECT_TRUE(is_there());
   world.map().give_up_behind(before_it_m, -n, 0.1, 0.5, later_ns);  // it faces the other way
   EXPECT_TRUE(is_there());
@@ -449,6 +456,48 @@ TEST(PolygonMap, GivesUpWhatIsBehindAPlace) {
   EXPECT_TRUE(is_there());
   world.map().give_up_behind(before_it_m, n, 0.1, 0.5, later_ns);
   EXPECT_FALSE(is_there());
+}
+
+// Ids that were used go on to be used for these chains only, also where the map is reset.
+TEST(PolygonMap, GoesOnFromItsChains) {
+  World world(14);
+  world.see(room(), 3.0);
+  const Polygons before = world.polygons();
+  ASSERT_EQ(before.chains.size(), 1U);
+  world.map().reset();
+  EXPECT_EQ(world.map().elements(), 0U);
+  EXPECT_TRUE(world.map().polygons().chains.empty());
+  world.map().restore(before);
+  world.see(room(), 1.0);
+  ASSERT_EQ(world.polygons().chains.size(), 1U);
+  EXPECT_EQ(world.polygons().chains[0].id, before.chains[0].id);
+  for (const ChainVertex& vertex : world.polygons().chains[0].vertices) {
+    EXPECT_LT(distance_m(vertex.p_world_m, before), 0.02);
+  }
+  world.map().reset();
+  world.see(room(), 1.0);
+  ASSERT_EQ(world.polygons().chains.size(), 1U);
+  EXPECT_GT(world.polygons().chains[0].id, before.chains[0].id);
+}
+
+TEST(PolygonMap, RefusesChainsThatNoMapHasAndStaysAsItIs) {
+  World world(15);
+  world.see(room(), 1.0);
+  const std::size_t elements = world.map().elements();
+  const auto expect_refused = [&](const auto& change) {
+    Polygons polygons = world.polygons();
+    change(polygons.chains[0]);
+    EXPECT_THROW(world.map().restore(polygons), std::invalid_argument);
+  };
+  expect_refused([](Chain& chain) { chain.vertices[0].p_world_m.x() = 2e4; });  // too many elements
+  expect_refused([](Chain& chain) {
+    for (ChainVertex& vertex : chain.vertices) vertex.p_world_m.x() += 2e6;
+  });
+  expect_refused([](Chain& chain) { chain.vertices[0].sigma_m = std::numeric_limits<double>::quiet_NaN(); });
+  expect_refused([](Chain& chain) { chain.vertices[0].sigma_m = chain.vertices[1].sigma_m = 0.0; });
+  expect_refused([](Chain& chain) { chain.last_seen_ns += 1'000'000'000; });
+  expect_refused([](Chain& chain) { chain.first_seen_ns = std::numeric_limits<std::int64_t>::min(); });
+  EXPECT_EQ(world.map().elements(), elements);
 }
 
 TEST(PolygonMap, SameInputSameMap) {

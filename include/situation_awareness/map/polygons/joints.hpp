@@ -7,8 +7,6 @@
 #include <utility>
 #include <vector>
 
-#include "situation_awareness/common/params.hpp"
-
 namespace situation_awareness {
 
 /// Whether two chains meet (at a corner, or beyond a gap), by all scans that saw it: at a distance of a few cm, single
@@ -22,17 +20,6 @@ class Joints {
     double seen_s = 0.0;                ///< that time, as far as it counts
     bool joined = false;                ///< the decision
     bool met = false, is_seen = false;  ///< in the latest scan, until the decision
-
-    /// All but what is of one scan (map/map_fields.hpp).
-    template <class Self, class Visit>
-    static void fields(Self& self, Visit&& visit) {
-      constexpr std::uint64_t kMaxId = std::uint64_t{1} << 53;
-      visit("low", self.low, 1, kMaxId);
-      visit("high", self.high, 1, kMaxId);
-      visit("share", self.share, Bounds{0.0, 1.000001});
-      visit("seen_s", self.seen_s, Bounds{0.0, 1e9});
-      visit("joined", self.joined);
-    }
   };
 
   /// Whether chain `a` and chain `b` are joined; `meet`: what the elements say, of those that are not known.
@@ -60,10 +47,6 @@ class Joints {
 
   /// Forgets those of these chains; sorted.
   void forget(const std::vector<std::uint64_t>& ids);
-
-  const std::vector<Joint>& joints() const { return joints_; }
-  /// In the order of joints(), each pair once.
-  void restore(std::vector<Joint> joints);
 
  private:
   void unsee(std::uint64_t low, std::uint64_t high);

@@ -12,7 +12,6 @@
 #include "situation_awareness/map/polygons/chain_fit.hpp"
 #include "situation_awareness/map/polygons/chain_links.hpp"
 #include "situation_awareness/map/polygons/joints.hpp"
-#include "situation_awareness/map/polygons/map_snapshot.hpp"
 #include "situation_awareness/map/polygons/near_elements.hpp"
 #include "situation_awareness/map/polygons/polygons.hpp"
 #include "situation_awareness/map/polygons/surfels.hpp"
@@ -63,12 +62,11 @@ class MapChains {
   /// The elements of one of the latest list(), from right to left. `elements` is overwritten.
   void elements_of(const Surfels& surfels, std::size_t place, std::vector<BoundaryElement>& elements) const;
 
-  /// Adds what the chains of the latest update are, and what the next one goes on with, to a snapshot of the elements.
-  /// If an element was told to have changed since then, the chains are made anew by who restores it.
-  void save(const Surfels& surfels, PolygonMapSnapshot& snapshot) const;
-  /// Goes on with these elements, which are those of a valid snapshot. The next update tells which chains are not as
-  /// they were before. Ids that were used before are not used again.
-  void restore(const Surfels& surfels, const PolygonMapSnapshot& snapshot);
+  /// Goes on with other elements: the next update makes all chains, and tells which are not as they were before. Ids
+  /// that were used before, or are less than `next_id`, are not used again.
+  void begin_anew(std::uint64_t next_id);
+  /// Greater than all ids that were used.
+  std::uint64_t next_id() const { return next_id_; }
 
  private:
   using Slot = std::int32_t;  ///< place in kept_
@@ -163,9 +161,7 @@ class MapChains {
   Slot new_slot();
   std::vector<ChainVertex> take_room(std::size_t vertices);
   void give_room(std::vector<ChainVertex> vertices);
-  void save_lines(PolygonMapSnapshot& snapshot) const;
-  void restore_chains(const Surfels& surfels, const PolygonMapSnapshot& snapshot);
-  void add_restored_changes();
+  void add_changes_by_beginning_anew();
   void keep(const ChainLinks::Run& run, Slot slot);
   const Chain& fitted(const Surfels& surfels, const Kept& kept);
   bool is_beside_chain(const Surfels& surfels, Index index) const;
@@ -196,9 +192,9 @@ class MapChains {
   /// Elements that got another name with the latest scan, and the one before: what they are linked with with the next
   /// scan may depend on it.
   std::vector<Index> renamed_, was_renamed_;
-  std::vector<Index> ageing_;           ///< elements that the latest update judged and that age alone may hide
-  std::vector<Chain> before_restored_;  ///< those of the update before, by their ids
-  bool is_restored_ = false;
+  std::vector<Index> ageing_;       ///< elements that the latest update judged and that age alone may hide
+  std::vector<Chain> before_anew_;  ///< those of the update before, by their ids
+  bool is_begun_anew_ = false;
 
   // Of an update.
   std::uint64_t update_ = 0;        ///< its number

@@ -16,7 +16,6 @@
 #include "situation_awareness/geometry/pose2.hpp"
 #include "situation_awareness/map/polygons/chain_fit.hpp"
 #include "situation_awareness/map/polygons/map_chains.hpp"
-#include "situation_awareness/map/polygons/map_snapshot.hpp"
 #include "situation_awareness/map/polygons/movers.hpp"
 #include "situation_awareness/map/polygons/polygons.hpp"
 #include "situation_awareness/map/polygons/surfels.hpp"
@@ -98,6 +97,8 @@ struct MappedElement {
 /// part of it, errors average out as 1 / n, and things go piece by piece.
 class PolygonMap {
  public:
+  static constexpr std::size_t kMaxElements = 300'000;  ///< no more are made; of 4 cm: 12 km of boundary, 140 MB
+
   /// Throws std::invalid_argument naming field and bound.
   explicit PolygonMap(const PolygonMapParams& params);
 
@@ -158,13 +159,17 @@ class PolygonMap {
 
   std::size_t elements() const { return surfels_.count(); }
 
-  /// The whole state, after an update or a call of update_chains(), which names new chains. Chains that are not up to
-  /// date are made anew by who restores it.
-  PolygonMapSnapshot snapshot() const;
+  /// Greater than the ids of all chains so far.
+  std::uint64_t next_id() const { return chains_.next_id(); }
 
-  /// Continues from that state bit for bit; ids that were used by this map before are not used again, either. Throws
-  /// std::invalid_argument as PolygonMapSnapshot::validate; the map is then unchanged.
-  void restore(const PolygonMapSnapshot& snapshot);
+  /// Forgets all. Ids that were used are not used again.
+  void reset();
+
+  /// Goes on from these chains, under their ids, in the place of its own: elements `spacing_m` apart along their edges
+  /// are as certain as they are. Ids that were used, by this map before or by these chains, are not used again. Throws
+  /// std::invalid_argument if they are more than kMaxElements or have numbers that no map has; the map is then
+  /// unchanged.
+  void restore(const Polygons& polygons);
 
  private:
   using Index = Surfels::Index;
@@ -193,6 +198,7 @@ class PolygonMap {
 
   static double azimuth_in(const Watch& watch, const Eigen::Vector2d& p_level_m);
 
+  void begin_anew(std::int64_t stamp_ns, std::uint64_t next_id);
   Index add(const Surfel& surfel);
   void remove(Index index);
   Index fuse(const Eigen::Vector2d& p_world_m, const Eigen::Vector2d& normal_world, double variance_m2, bool has_normal,

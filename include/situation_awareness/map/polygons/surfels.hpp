@@ -56,14 +56,8 @@ class Surfels {
   void remove(Index index);
   void move(Index index, const Eigen::Vector2d& p_world_m);
 
-  /// Free places among the indices, in the order in which they became free.
-  const std::vector<Index>& free_places() const { return free_; }
-  /// All elements, in an order in which put() makes the same lists of them.
-  std::vector<Index> in_order() const;
-  /// Empties the list, and makes room for so many elements beside these free places.
-  void begin(std::size_t elements, const std::vector<Index>& free_places);
-  /// An element in its place, one of those after begin() that are neither free nor taken.
-  void put(Index index, const Surfel& surfel);
+  /// Removes all.
+  void clear();
 
   /// act(index, surfel) for all within `radius_m` along x and y, and some beyond, up to the corners of that square.
   /// `act` adds, moves and removes none.
