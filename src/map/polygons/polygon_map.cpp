@@ -50,40 +50,8 @@ constexpr double kFirstHit = 1.0;
 constexpr double kHit = 0.3;
 /// s. Longest time between scans for which passing beams count.
 constexpr double kMaxStep_s = 0.25;
-/// Beams without a return may be lost: they count by so much.
-constexpr double kNoReturnWeight = 0.1;
-/// Beams beside the nearest ones that are searched for a hit near a place, at least and at most.
-constexpr double kFewestBeside = 4.0, kMostBeside = 16.0;
-/// Standard deviations of a hit's and an element's place along the beam; beams that end so far behind have passed it.
-constexpr double kPassedSigmas = 3.0;
-/// The same distance in m at least: boundaries are not as smooth as a line.
-constexpr double kLeastPassed_m = 0.03;
 /// m^2. Of a hit across its edge, at least and at most: both can be squared, and the map that is saved be loaded.
 constexpr double kLeastHit_m2 = 1e-11, kMostHit_m2 = 1e8;
-/// Cosine between a beam and the normal of an element that it can be said to have passed, from either side.
-constexpr double kFacesBeam = 0.25;
-/// Part of an element's extent through which a beam can pass: at its ends it may be curved, or end.
-constexpr double kInner = 0.7;
-/// m. The same of an element of few hits.
-constexpr double kLeastHalfHeld_m = 0.006;
-/// m. A hit so near beside an element, and so little nearer or farther, is of the same thing; and the same of an
-/// element with many hits: beams over an edge have few.
-constexpr double kBeside_m = 0.03;
-constexpr double kBesideKnown_m = 0.055;
-constexpr int kManyHits = 60;
-/// m. What has a hit so near was not passed by the beams beside it: the boundary may be a little elsewhere.
-constexpr double kNearHit_m = 0.06;
-/// m. The same at grazing incidence, where beams that pass before a surface seem to go through it.
-constexpr double kNearHitGrazing_m = 0.12;
-/// m. How far behind such a surface beams have to pass: half of the way between them, at least and at most.
-constexpr double kLeastWithin_m = 0.02, kMostWithin_m = 0.035;
-/// m. Beams are about as wide as they are apart: where that is more, one that meets the edge of a thing may end behind
-/// it, and counts less.
-constexpr double kCloseBeams_m = 0.045;
-/// Beams that are farther apart than this part of a thing may all miss it, or meet its edges only.
-constexpr double kSurePart = 0.5;
-/// m. Size of a thing that is not known.
-constexpr double kWide_m = 0.3;
 /// Scans that are remembered to tell what was free, and the time between them.
 constexpr std::size_t kWatches = 8;
 constexpr double kWatchStep_s = 0.37;
@@ -99,37 +67,6 @@ constexpr double kNearWatched_m = 0.12;
 constexpr double kSamePlace = 0.4;
 /// s. An element that was never confirmed is forgotten after so long without a hit.
 constexpr double kForgotten_s = 10.0;
-/// rad. Of an element, seen from the sensor: to 1e-8 where a series is enough.
-double small_atan(double x) {
-  if (std::abs(x) > 0.1) return std::atan(x);
-  const double x2 = x * x;
-  return x * (1.0 - x2 * (1.0 / 3.0 - x2 / 5.0));
-}
-
-/// The first of ascending azimuths that is_beyond() holds for; near `about_rad`. Beams are about as far apart as
-/// others: where that tells which one it is, no search is needed.
-template <class IsBeyond>
-std::vector<float>::const_iterator first_beam(const std::vector<float>& azimuth_rad, const IsBeyond& is_beyond,
-                                              double about_rad) {
-  constexpr std::ptrdiff_t kMostSteps = 6;
-  const auto last = static_cast<std::ptrdiff_t>(azimuth_rad.size()) - 1;
-  const double first_rad = azimuth_rad.front(), turn_rad = azimuth_rad.back() - first_rad;
-  if (turn_rad > 0.0) {
-    const double part = std::clamp((about_rad - first_rad) / turn_rad, 0.0, 1.0);
-    auto beam = azimuth_rad.begin() + static_cast<std::ptrdiff_t>(part * static_cast<double>(last));
-    for (std::ptrdiff_t step = 0; step < kMostSteps; ++step) {
-      if (beam != azimuth_rad.end() && !is_beyond(*beam)) {
-        ++beam;
-      } else if (beam != azimuth_rad.begin() && is_beyond(*(beam - 1))) {
-        --beam;
-      } else {
-        return beam;
-      }
-    }
-  }
-  return std::partition_point(azimuth_rad.begin(), azimuth_rad.end(), [&](float a) { return !is_beyond(a); });
-}
-
 /// From one element to another one, along the boundary.
 double between_m(const Surfel& from, const Surfel& to) { return from.along_world().dot(to.p_world_m - from.p_world_m); }
 
@@ -156,21 +93,14 @@ Surfels::Index known_at(const Surfels& surfels, Surfels::Index later, const Poly
   return right_m < left_m ? right : left;
 }
 
-/// How much beams so far apart say of a thing of this size.
-double close_beams(double apart_m, double thing_m) {
-  if (thing_m <= 0.0) thing_m = kWide_m;  // of nothing that was shown
-  const auto squared = [](double x) { return x * x; };
-  return std::min(1.0, squared(kCloseBeams_m / apart_m)) *
-         std::min(1.0, squared(squared(kSurePart * thing_m / apart_m)));
-}
-
 }  // namespace
 
 PolygonMap::PolygonMap(const PolygonMapParams& params)
     : params_(params),
       surfels_((params.validate(), std::max(params.gate_m, params.spacing_m) + 0.5 * params.spacing_m),
                MapChains::tile_m(params.spacing_m, params.max_gap_m)),
-      chains_(params.spacing_m, params.max_gap_m, params.tolerance_m) {
+      chains_(params.spacing_m, params.max_gap_m, params.tolerance_m),
+      now_(2.0 * params.spacing_m, params.pass_margin_m) {
   watches_.resize(kWatches);
   for (std::vector<Index>* list : {&given_up_, &unsettled_, &passed_}) list->reserve(kUsualRoom);
 }
@@ -179,7 +109,7 @@ void PolygonMap::begin_anew(std::int64_t stamp_ns, std::uint64_t next_id) {
   stamp_ns_ = made_ns_ = stamp_ns;
   waited_s_ = 0.0;
   next_watch_ = 0;
-  std::fill(watches_.begin(), watches_.end(), Watch{});
+  std::fill(watches_.begin(), watches_.end(), ScanView());
   unsettled_.clear();
   surfels_.clear();
   chains_.begin_anew(next_id);
@@ -367,183 +297,42 @@ void PolygonMap::merge_double(Index kept, Index other) {
   chains_.touch(kept);
 }
 
-/// In the turn of the scan's beams.
-double PolygonMap::azimuth_in(const Watch& watch, const Eigen::Vector2d& p_level_m) {
-  const double first_rad = watch.free_space.azimuth_rad.front();
-  double azimuth = std::atan2(p_level_m.y(), p_level_m.x());
-  while (azimuth < first_rad) azimuth += 2.0 * kPi;
-  while (azimuth >= first_rad + 2.0 * kPi) azimuth -= 2.0 * kPi;
-  return azimuth;
-}
-
-/// Once for all places that are looked for among them.
-void PolygonMap::Watch::find_ends() {
-  most_m = 0.0;
-  ends_level_m.clear();
-  for (std::size_t i = 0; i < free_space.range_m.size(); ++i) {
-    const double range_m = free_space.range_m[i], azimuth_rad = free_space.azimuth_rad[i];
-    ends_level_m.emplace_back(range_m * std::cos(azimuth_rad), range_m * std::sin(azimuth_rad));
-    most_m = std::max(most_m, range_m);
-  }
-}
-
-PolygonMap::View PolygonMap::view_of(const Watch& watch, const Eigen::Vector2d& p_level_m, double near_m,
-                                     double thing_m, double* weight) const {
-  if (watch.free_space.azimuth_rad.size() < 2) return View::kUnknown;
-  return view_of(watch, p_level_m, azimuth_in(watch, p_level_m), near_m, thing_m, weight);
-}
-
-PolygonMap::View PolygonMap::view_of(const Watch& watch, const Eigen::Vector2d& p_level_m, double place_rad,
-                                     double near_m, double thing_m, double* weight) const {
-  const std::vector<float>& azimuth_rad = watch.free_space.azimuth_rad;
-  const std::vector<float>& ranges_m = watch.free_space.range_m;
-  const auto above = first_beam(
-      azimuth_rad, [place = static_cast<float>(place_rad)](float a) { return a > place; }, place_rad);
-  if (above == azimuth_rad.begin() || above == azimuth_rad.end()) return View::kUnknown;
-  const std::ptrdiff_t left = above - azimuth_rad.begin(), right = left - 1;
-  const double range_m = p_level_m.norm();
-  const double apart_m = range_m * static_cast<double>(azimuth_rad[static_cast<std::size_t>(left)] -
-                                                       azimuth_rad[static_cast<std::size_t>(right)]);
-  const auto beside =
-      static_cast<std::ptrdiff_t>(std::clamp(near_m / std::max(apart_m, 1e-6), kFewestBeside, kMostBeside));
-  const auto count = static_cast<std::ptrdiff_t>(ranges_m.size());
-  for (std::ptrdiff_t i = std::max<std::ptrdiff_t>(right - beside, 0); i <= std::min(left + beside, count - 1); ++i) {
-    const double own_m = ranges_m[static_cast<std::size_t>(i)];
-    if (own_m <= 0.0 || std::abs(own_m - range_m) > near_m) continue;
-    if ((watch.ends_level_m[static_cast<std::size_t>(i)] - p_level_m).squaredNorm() < near_m * near_m)
-      return View::kHit;
-  }
-  const auto [least_m, most_m] =
-      std::minmax(ranges_m[static_cast<std::size_t>(right)], ranges_m[static_cast<std::size_t>(left)]);
-  if (least_m < range_m + params_.pass_margin_m) return View::kUnknown;
-  *weight = close_beams(apart_m, thing_m);
-  if (most_m >= watch.most_m) *weight *= kNoReturnWeight;
-  return View::kPassed;
-}
-
 /// Whether something came to this place while it was seen to be free.
 bool PolygonMap::was_watched(const Eigen::Vector2d& p_world_m) const {
   int passed = 0;
-  for (const Watch& watch : watches_) {
-    if (watch.free_space.range_m.empty()) continue;
+  for (const ScanView& watch : watches_) {
+    if (!watch.is_known()) continue;
     double weight = 0.0;
-    const View view = view_of(watch, watch.T_level_world * p_world_m, kNearWatched_m, kWide_m, &weight);
-    if (view == View::kHit && seconds_between(watch.stamp_ns, stamp_ns_) > kThereBefore_s) return false;
-    if (view == View::kPassed && weight > kNoReturnWeight) ++passed;
+    const ScanView::Seen seen = watch.see(watch.T_level_world() * p_world_m, kNearWatched_m, ScanView::kWideThing_m,
+                                          params_.pass_margin_m, &weight);
+    if (seen == ScanView::Seen::kHit && seconds_between(watch.stamp_ns(), stamp_ns_) > kThereBefore_s) return false;
+    if (seen == ScanView::Seen::kPassed && weight > ScanView::kNoReturnWeight) ++passed;
   }
   return passed >= kWatchedBy;
 }
 
-void PolygonMap::set_now(const Polylines& polylines) {
-  now_.stamp_ns = stamp_ns_;
-  now_.T_level_world = inverse(polylines.T_world_level);
-  now_.free_space = polylines.free_space;
-  now_.find_ends();
-  now_rays_.clear();
-  for (const float azimuth_rad : now_.free_space.azimuth_rad) {
-    now_rays_.emplace_back(std::cos(azimuth_rad), std::sin(azimuth_rad));
-  }
-}
-
 void PolygonMap::remember() {
-  const Watch& last = watches_[(next_watch_ + kWatches - 1) % kWatches];
-  if (!last.free_space.range_m.empty() && seconds_between(last.stamp_ns, stamp_ns_) < kWatchStep_s) return;
+  const ScanView& last = watches_[(next_watch_ + kWatches - 1) % kWatches];
+  if (last.is_known() && seconds_between(last.stamp_ns(), stamp_ns_) < kWatchStep_s) return;
   watches_[next_watch_] = now_;
   next_watch_ = (next_watch_ + 1) % kWatches;
-}
-
-/// How much the latest scan's beams say that the element is not there: 1 where they went past it with nothing near it,
-/// or one went through it, and none ended on it.
-double PolygonMap::passing_weight(const Surfel& surfel, const Eigen::Matrix2d& R_level_world) const {
-  const Eigen::Vector2d p_level_m = R_level_world * surfel.p_world_m + now_.T_level_world.translation_m;
-  const double distance_m = p_level_m.norm();
-  if (distance_m >= now_.most_m || distance_m <= 2.0 * params_.spacing_m) return 0.0;
-  const Eigen::Vector2d n_level =
-      surfel.oriented ? Eigen::Vector2d(R_level_world * surfel.normal_world) : Eigen::Vector2d(-p_level_m / distance_m);
-  const Eigen::Vector2d t_level(n_level.y(), -n_level.x());
-  const bool grazes = std::abs(n_level.dot(p_level_m)) < kFacesBeam * distance_m;
-  const std::vector<float>& azimuth_rad = now_.free_space.azimuth_rad;
-  const std::vector<float>& ranges_m = now_.free_space.range_m;
-  if (azimuth_rad.size() < 2) return 0.0;
-  double weight = 0.0;
-  if (grazes) {
-    // Beams before a surface seem to pass it though it stands: those behind it do not.
-    const double within_m = std::clamp(0.5 * distance_m * resolution_rad_, kLeastWithin_m, kMostWithin_m);
-    const Eigen::Vector2d within_level_m = p_level_m - within_m * n_level;
-    return view_of(now_, within_level_m, kNearHitGrazing_m, surfel.thing_m, &weight) == View::kPassed ? weight : 0.0;
-  }
-  const double middle_rad = azimuth_in(now_, p_level_m);
-  if (view_of(now_, p_level_m, middle_rad, kNearHit_m, surfel.thing_m, &weight) == View::kPassed) return weight;
-  weight = 0.0;
-  const double low_m = std::min(kInner * surfel.low_m, -kLeastHalfHeld_m);
-  const double high_m = std::max(kInner * surfel.high_m, kLeastHalfHeld_m);
-  const double across_m2 = p_level_m.x() * t_level.y() - p_level_m.y() * t_level.x(), along_m = p_level_m.dot(t_level);
-  const auto azimuth_at = [&](double s_m) {
-    return middle_rad + small_atan(s_m * across_m2 / (distance_m * distance_m + s_m * along_m));
-  };
-  const double from_rad = azimuth_at(low_m), to_rad = azimuth_at(high_m);
-  const auto [least_rad, most_rad] = std::minmax(from_rad, to_rad);
-  if (least_rad < azimuth_rad.front() || most_rad > azimuth_rad.front() + 2.0 * kPi) return 0.0;  // across the seam
-  const double beside_m = surfel.hits < kManyHits ? kBeside_m : kBesideKnown_m;
-  const double beside_rad = beside_m / distance_m;
-  const double first_rad = least_rad - beside_rad;
-  for (auto beam = first_beam(
-           azimuth_rad, [first = static_cast<float>(first_rad)](float a) { return a >= first; }, first_rad);
-       beam != azimuth_rad.end() && *beam <= static_cast<float>(most_rad + beside_rad); ++beam) {
-    const auto i = static_cast<std::size_t>(beam - azimuth_rad.begin());
-    const double range_m = ranges_m[i];
-    const bool beside = *beam < static_cast<float>(least_rad) || *beam > static_cast<float>(most_rad);
-    if (beside) {
-      if (std::abs(range_m - distance_m) < beside_m) return 0.0;
-      continue;
-    }
-    const double cosine = n_level.dot(now_rays_[i]);
-    const double until_m = n_level.dot(p_level_m) / cosine;  // along the beam, to the element
-    const double variance_m2 = surfel.variance_m2 / (cosine * cosine) + hit_sigma_m_ * hit_sigma_m_;
-    const double margin_m = std::max(kLeastPassed_m, kPassedSigmas * std::sqrt(variance_m2));
-    if (std::abs(range_m - until_m) < margin_m) return 0.0;
-    if (range_m > until_m) weight = std::max(weight, range_m >= now_.most_m ? kNoReturnWeight : 1.0);
-  }
-  return weight * close_beams(distance_m * resolution_rad_, surfel.thing_m);
-}
-
-/// Whether all beams of the latest scan towards a tile end before it, so that passing_weight() of what is in it is 0.
-bool PolygonMap::is_hidden(Surfels::Tile tile) const {
-  const std::vector<float>& azimuth_rad = now_.free_space.azimuth_rad;
-  const std::vector<float>& ranges_m = now_.free_space.range_m;
-  if (azimuth_rad.size() < 2) return true;
-  const Eigen::Vector2d middle_level_m = now_.T_level_world * surfels_.middle_world_m(tile);
-  const double radius_m = surfels_.tile_radius_m() + most_extent_m_ + kMostWithin_m, distance_m = middle_level_m.norm();
-  if (distance_m <= radius_m) return false;
-  const double middle_rad = azimuth_in(now_, middle_level_m), half_rad = std::asin(radius_m / distance_m);
-  const double first_rad = middle_rad - half_rad, last_rad = middle_rad + half_rad;
-  if (first_rad < azimuth_rad.front() || last_rad > azimuth_rad.front() + 2.0 * kPi) return false;  // across the seam
-  const auto first = static_cast<float>(first_rad), last = static_cast<float>(last_rad);
-  auto beam = first_beam(
-      azimuth_rad, [first](float a) { return a >= first; }, first_rad);
-  if (beam != azimuth_rad.begin()) --beam;  // what is between two beams is seen by both
-  for (; beam != azimuth_rad.end(); ++beam) {
-    if (ranges_m[static_cast<std::size_t>(beam - azimuth_rad.begin())] > distance_m - radius_m) return false;
-    if (*beam > last) break;
-  }
-  return true;
 }
 
 /// Elements whose place beams have passed lose existence, hidden ones never. Beams reach those near the sensor only;
 /// elsewhere only those have to be looked at that do not stay by themselves.
 void PolygonMap::see_through(PolygonMapUpdate& update) {
   const double rate = std::min(step_s_, kMaxStep_s) * Surfel::kMostLogOdds / params_.removal_s;
-  const Eigen::Matrix2d R_level_world = now_.T_level_world.rotation();
+  const Eigen::Matrix2d R_level_world = now_.T_level_world().rotation();
   passed_.clear();
   const auto is_forgotten = [&](const Surfel& surfel) {
     return !surfel.confirmed && seconds_between(surfel.last_seen_ns, stamp_ns_) > kForgotten_s;
   };
-  surfels_.for_each_tile(inverse(now_.T_level_world).translation_m, now_.most_m, [&](Surfels::Tile tile) {
-    if (is_hidden(tile)) return;
+  surfels_.for_each_tile(inverse(now_.T_level_world()).translation_m, now_.most_m(), [&](Surfels::Tile tile) {
+    if (now_.is_hidden(surfels_.middle_world_m(tile), surfels_.tile_radius_m(), most_extent_m_)) return;
     surfels_.for_each_of(tile, [&](Index i) {
       Surfel& surfel = surfels_[i];
       if (surfel.last_seen_ns == stamp_ns_) return;
-      const double weight = passing_weight(surfel, R_level_world);
+      const double weight = now_.passing_weight(surfel, R_level_world);
       if (weight > 0.0) {
         surfel.log_odds -= rate * weight;
         chains_.touch(i);
@@ -578,7 +367,10 @@ void PolygonMap::give_up(const MoverTrace& trace, PolygonMapUpdate& update) {
     if (!trace.outline.covers(surfel.p_world_m)) return;
     if (surfel.normal_world.dot(surfel.p_world_m - center_m) <= 0.0) return;
     double weight = 0.0;
-    if (view_of(now_, now_.T_level_world * surfel.p_world_m, kLeft_m, kWide_m, &weight) == View::kHit) return;
+    const Eigen::Vector2d p_level_m = now_.T_level_world() * surfel.p_world_m;
+    const bool is_hit =
+        now_.see(p_level_m, kLeft_m, ScanView::kWideThing_m, params_.pass_margin_m, &weight) == ScanView::Seen::kHit;
+    if (is_hit) return;
     given_up_.push_back(index);
   });
   for (const Index index : given_up_) remove(index);
@@ -586,32 +378,8 @@ void PolygonMap::give_up(const MoverTrace& trace, PolygonMapUpdate& update) {
   if (!given_up_.empty()) update.reasons["of a thing that set off"] += given_up_.size();
 }
 
-PolygonMapUpdate PolygonMap::update(const Polylines& polylines, const Eigen::Matrix3d& pose_covariance,
-                                    const Movers& movers, PolygonMapUpdate memory) {
-  PolygonMapUpdate report = std::move(memory);
-  report.fused = report.created = report.removed = report.on_movers = 0;
-  report.reasons.reset();
-  if (stamp_ns_ != std::numeric_limits<std::int64_t>::min() && polylines.stamp_ns <= stamp_ns_) {
-    ++report.reasons["stamp not after the one before"];
-    return report;
-  }
-  step_s_ =
-      stamp_ns_ == std::numeric_limits<std::int64_t>::min() ? 0.0 : seconds_between(stamp_ns_, polylines.stamp_ns);
-  stamp_ns_ = polylines.stamp_ns;
-  if (step_s_ > kAbsence_s) {
-    for (Watch& watch : watches_) watch.free_space.range_m.clear();
-    step_s_ = 0.0;
-  }
-  const double pose_variance_m2 = std::max(pose_covariance(0, 0), pose_covariance(1, 1));
-  if (pose_variance_m2 > params_.max_pose_sigma_m * params_.max_pose_sigma_m ||
-      pose_covariance(2, 2) > params_.max_pose_sigma_rad * params_.max_pose_sigma_rad) {
-    ++report.reasons["pose not known well enough"];
-    return report;
-  }
-  waited_s_ += step_s_;
-  resolution_rad_ = polylines.resolution_rad;
-  hit_sigma_m_ = std::sqrt(polylines.range_sigma_m * polylines.range_sigma_m + pose_variance_m2);
-
+void PolygonMap::fuse_hits(const Polylines& polylines, const Eigen::Matrix3d& pose_covariance, const Movers& movers,
+                           PolygonMapUpdate& report) {
   const Pose2& T_world_level = polylines.T_world_level;
   const Eigen::Matrix2d R_world_level = T_world_level.rotation();
   assign_with_room(of_hit_, polylines.hits.size(), kNone);
@@ -634,10 +402,10 @@ PolygonMapUpdate PolygonMap::update(const Polylines& polylines, const Eigen::Mat
   }
   report.created = static_cast<int>(elements() - before);
   report.fused = static_cast<int>(polylines.hits.size()) - report.on_movers - report.created;
+}
 
-  set_now(polylines);
-  see_through(report);
-  for (const MoverTrace& trace : movers.traces) give_up(trace, report);
+/// Those elements that the scan hit and that were hit often and long enough.
+void PolygonMap::confirm_hit() {
   for (const Index index : of_hit_) {
     if (index == kNone) continue;
     Surfel& surfel = surfels_[index];
@@ -648,6 +416,39 @@ PolygonMapUpdate PolygonMap::update(const Polylines& polylines, const Eigen::Mat
     surfel.confirmed = known == kNone;
     if (known != kNone) merge_double(known, index);
   }
+}
+
+PolygonMapUpdate PolygonMap::update(const Polylines& polylines, const Eigen::Matrix3d& pose_covariance,
+                                    const Movers& movers, PolygonMapUpdate memory) {
+  PolygonMapUpdate report = std::move(memory);
+  report.fused = report.created = report.removed = report.on_movers = 0;
+  report.reasons.reset();
+  if (stamp_ns_ != std::numeric_limits<std::int64_t>::min() && polylines.stamp_ns <= stamp_ns_) {
+    ++report.reasons["stamp not after the one before"];
+    return report;
+  }
+  step_s_ =
+      stamp_ns_ == std::numeric_limits<std::int64_t>::min() ? 0.0 : seconds_between(stamp_ns_, polylines.stamp_ns);
+  stamp_ns_ = polylines.stamp_ns;
+  if (step_s_ > kAbsence_s) {
+    for (ScanView& watch : watches_) watch.forget();
+    step_s_ = 0.0;
+  }
+  const double pose_variance_m2 = std::max(pose_covariance(0, 0), pose_covariance(1, 1));
+  if (pose_variance_m2 > params_.max_pose_sigma_m * params_.max_pose_sigma_m ||
+      pose_covariance(2, 2) > params_.max_pose_sigma_rad * params_.max_pose_sigma_rad) {
+    ++report.reasons["pose not known well enough"];
+    return report;
+  }
+  waited_s_ += step_s_;
+  now_.set_errors(polylines.resolution_rad,
+                  std::sqrt(polylines.range_sigma_m * polylines.range_sigma_m + pose_variance_m2));
+
+  fuse_hits(polylines, pose_covariance, movers, report);
+  now_.set(stamp_ns_, inverse(polylines.T_world_level), polylines.free_space);
+  see_through(report);
+  for (const MoverTrace& trace : movers.traces) give_up(trace, report);
+  confirm_hit();
   remember();
   return report;
 }
@@ -655,7 +456,8 @@ PolygonMapUpdate PolygonMap::update(const Polylines& polylines, const Eigen::Mat
 const ChainChanges& PolygonMap::update_chains() {
   made_ns_ = stamp_ns_;
   const double step_s = std::exchange(waited_s_, 0.0);
-  return chains_.update(surfels_, stamp_ns_, {inverse(now_.T_level_world).translation_m, resolution_rad_, step_s});
+  return chains_.update(surfels_, stamp_ns_,
+                        {inverse(now_.T_level_world()).translation_m, now_.resolution_rad(), step_s});
 }
 
 const ChainChanges& PolygonMap::update_due_chains() {

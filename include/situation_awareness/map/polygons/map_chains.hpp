@@ -11,9 +11,11 @@
 
 #include "situation_awareness/map/polygons/chain_fit.hpp"
 #include "situation_awareness/map/polygons/chain_links.hpp"
+#include "situation_awareness/map/polygons/chain_names.hpp"
 #include "situation_awareness/map/polygons/joints.hpp"
 #include "situation_awareness/map/polygons/near_elements.hpp"
 #include "situation_awareness/map/polygons/polygons.hpp"
+#include "situation_awareness/map/polygons/seldom_hit.hpp"
 #include "situation_awareness/map/polygons/surfels.hpp"
 
 namespace situation_awareness {
@@ -66,12 +68,11 @@ class MapChains {
   /// that were used before, or are less than `next_id`, are not used again.
   void begin_anew(std::uint64_t next_id);
   /// Greater than all ids that were used.
-  std::uint64_t next_id() const { return next_id_; }
+  std::uint64_t next_id() const { return names_.next_id(); }
 
  private:
   using Slot = std::int32_t;  ///< place in kept_
   static constexpr Index kNone = Surfels::kNone;
-  static constexpr std::int64_t kNever = std::numeric_limits<std::int64_t>::max();
 
   /// What is kept of each element.
   struct Member {
@@ -79,9 +80,7 @@ class MapChains {
     Index before = kNone, after = kNone;          ///< in its chain, from right to left
     Index line_right = kNone, line_left = kNone;  ///< as of ChainLinks
     NearElements::Index place = 0;                ///< in link_elements_
-    std::uint64_t counted = 0;                    ///< name under which it is in names_; 0: it is not
-    Index next_of_name = kNone, before_of_name = kNone;
-    std::int64_t due_ns = kNever;  ///< of its entry in due_
+    std::int64_t due_ns = SeldomHit::kNever;      ///< of its entry in due_
     bool is_touched = false;
     bool is_in_window = false;
     bool is_known = false;                      ///< it was in a window
@@ -104,24 +103,12 @@ class MapChains {
     std::int64_t at_ns;
     Index index;
   };
-  struct Beside {  ///< an element beside another one
-    double seen_s;
-    std::int64_t first_seen_ns;
-  };
-
   struct Holder {
     std::uint64_t id;
     Slot slot;
   };
-  struct Named {
-    std::uint64_t name = 0;
-    Index first = kNone;       ///< of its elements; none: it is not used any more
-    std::uint64_t update = 0;  ///< the latest in whose window its chains are
-  };
-  struct Claim {  ///< of an id by a chain
-    std::size_t elements;
-    std::uint64_t id;
-    std::size_t chain;  ///< place in shown_
+  struct HasLessId {
+    bool operator()(const Holder& a, const Holder& b) const { return a.id < b.id; }
   };
   /// How the elements of a tile are linked along their lines: as before; as before, but those beside them need them;
   /// anew; anew, and compared with those beside them.
@@ -137,7 +124,6 @@ class MapChains {
   void enter_window(Slot slot, bool is_touched);
   void enter_window_of_name(std::uint64_t name);
   void find_window(const Surfels& surfels);
-  void judge(LinkElement& own, std::size_t place) const;
   std::int64_t hidden_from_ns(const Surfels& surfels, Index index);
   void plan(Index index, std::int64_t at_ns);
   void plan_unjudged(const Surfels& surfels);
@@ -149,14 +135,7 @@ class MapChains {
   std::int64_t hit_since_ns(std::int64_t stamp_ns) const;
   void link(const Surfels& surfels, std::int64_t since_ns, std::int64_t stamp_ns, const ChainLinks::View& view);
   void measure(Surfels& surfels, std::int64_t since_ns) const;
-  bool is_lonely(const Surfels& surfels, const ChainLinks::Run& run, std::int64_t stamp_ns) const;
   bool is_beside_larger(const Surfels& surfels, const ChainLinks::Run& run) const;
-  void name_chains(Surfels& surfels);
-  void name_elements(Surfels& surfels, const ChainLinks::Run& run, std::uint64_t id, bool is_new);
-  void rename(Surfels& surfels, Index index, std::uint64_t name);
-  void unite_names(Surfels& surfels, const ChainLinks::Run& run, std::uint64_t id);
-  void count(Index index, std::uint64_t name);
-  void count_names(const Surfels& surfels);
   Slot same_as_before(const ChainLinks::Run& run) const;
   Slot new_slot();
   std::vector<ChainVertex> take_room(std::size_t vertices);
@@ -166,41 +145,36 @@ class MapChains {
   const Chain& fitted(const Surfels& surfels, const Kept& kept);
   bool is_beside_chain(const Surfels& surfels, Index index) const;
   bool is_due(const Surfels& surfels, Index index, std::int64_t stamp_ns) const;
-  void replace(const Surfels& surfels);
+  void take_ids();
+  void put(const Surfels& surfels, const ChainLinks::Run& run, Slot same, std::uint64_t id);
+  void tell_gone();
+  void replace(const Surfels& surfels, const std::vector<std::uint64_t>& ids);
   Holder* holder_of(std::uint64_t id);
-  std::vector<Named>::iterator named(std::uint64_t name);
-  bool is_used(std::uint64_t name);
 
   double spacing_m_, max_gap_m_, tolerance_m_;
-  std::uint64_t next_id_ = 1;
   std::int64_t joined_at_ns_ = std::numeric_limits<std::int64_t>::min();  ///< latest scan that the joints saw
   Joints joints_;
+  ChainNames names_;
+  SeldomHit seldom_hit_;
 
   std::vector<Member> members_;  ///< by the elements' indices
   std::vector<Kept> kept_;
   std::vector<Slot> free_slots_;
   std::vector<std::vector<ChainVertex>> rooms_;  ///< of chains that are gone, for their memory
   std::vector<Holder> holders_;                  ///< of the ids of those shown, in ascending order
-  std::vector<Named> names_;                     ///< of the elements of all chains, in ascending order
-  std::vector<std::uint64_t> lost_names_;        ///< that no element may have any more
   std::vector<Due> due_;                         ///< a heap, the earliest first
 
   // Since the latest update.
   bool is_all_touched_ = false;
   std::vector<Index> touched_;
   std::vector<Eigen::Vector2d> removed_world_m_;
-  /// Elements that got another name with the latest scan, and the one before: what they are linked with with the next
-  /// scan may depend on it.
-  std::vector<Index> renamed_, was_renamed_;
   std::vector<Index> ageing_;       ///< elements that the latest update judged and that age alone may hide
   std::vector<Chain> before_anew_;  ///< those of the update before, by their ids
   bool is_begun_anew_ = false;
 
   // Of an update.
-  std::uint64_t update_ = 0;        ///< its number
   std::vector<Index> were_ageing_;  ///< ageing_ of the update before
-  std::vector<Beside> beside_;
-  std::vector<Mark> marks_;  ///< of the tiles
+  std::vector<Mark> marks_;         ///< of the tiles
   std::vector<Surfels::Tile> marked_;
   std::vector<Index> window_;               ///< elements that are linked again, in ascending order
   std::vector<Slot> window_slots_;          ///< chains that they were of
@@ -211,11 +185,8 @@ class MapChains {
   NearElements near_;
   ChainLinks links_;
   std::vector<ChainLinks::Run> shown_, hidden_;
-  std::vector<Claim> claims_;
-  std::vector<std::uint64_t> taken_;  ///< ids, in ascending order
-  std::vector<std::uint64_t> ids_;    ///< of shown_
-  std::vector<Slot> slots_;           ///< of shown_
-  std::vector<Holder> was_;           ///< of the ids in the window, before
+  std::vector<Slot> slots_;  ///< of shown_
+  std::vector<Holder> was_;  ///< of the ids in the window, before
   ChainChanges changes_;
   std::vector<BoundaryElement> elements_;
   ChainFit chain_fit_;

@@ -18,6 +18,7 @@
 #include "situation_awareness/map/polygons/map_chains.hpp"
 #include "situation_awareness/map/polygons/movers.hpp"
 #include "situation_awareness/map/polygons/polygons.hpp"
+#include "situation_awareness/map/polygons/scan_view.hpp"
 #include "situation_awareness/map/polygons/surfels.hpp"
 #include "situation_awareness/polylines/polylines.hpp"
 
@@ -175,28 +176,11 @@ class PolygonMap {
   using Index = Surfels::Index;
   static constexpr Index kNone = Surfels::kNone;
 
-  /// What was free in a scan.
-  struct Watch {
-    std::int64_t stamp_ns = std::numeric_limits<std::int64_t>::min();
-    Pose2 T_level_world;
-    FreeSpace free_space;
-    std::vector<Eigen::Vector2d> ends_level_m;  ///< of its beams
-    double most_m = 0.0;                        ///< of its ranges: that of beams without a return
-
-    /// By its free space.
-    void find_ends();
-  };
-
-  /// How a scan saw a place.
-  enum class View { kUnknown, kHit, kPassed };
-
   /// Elements beside a place on the boundary.
   struct Neighbours {
     Index right = kNone, left = kNone;
     double right_m = 0.0, left_m = 0.0;  ///< along, to them
   };
-
-  static double azimuth_in(const Watch& watch, const Eigen::Vector2d& p_level_m);
 
   void begin_anew(std::int64_t stamp_ns, std::uint64_t next_id);
   Index add(const Surfel& surfel);
@@ -211,16 +195,11 @@ class PolygonMap {
                bool has_normal);
   void see(Surfel& surfel, bool of_surface) const;
   void merge_double(Index kept, Index other);
-  /// Of a place in the scan's level frame, seen at this azimuth.
-  View view_of(const Watch& watch, const Eigen::Vector2d& p_level_m, double place_rad, double near_m, double thing_m,
-               double* weight) const;
-  View view_of(const Watch& watch, const Eigen::Vector2d& p_level_m, double near_m, double thing_m,
-               double* weight) const;
   bool was_watched(const Eigen::Vector2d& p_world_m) const;
-  void set_now(const Polylines& polylines);
-  double passing_weight(const Surfel& surfel, const Eigen::Matrix2d& R_level_world) const;
-  bool is_hidden(Surfels::Tile tile) const;
   void see_through(PolygonMapUpdate& update);
+  void fuse_hits(const Polylines& polylines, const Eigen::Matrix3d& pose_covariance, const Movers& movers,
+                 PolygonMapUpdate& report);
+  void confirm_hit();
   void give_up(const MoverTrace& trace, PolygonMapUpdate& update);
   void remember();
 
@@ -229,13 +208,10 @@ class PolygonMap {
   double step_s_ = 0.0;                                              ///< since the scan before
   double waited_s_ = 0.0;                                            ///< of such steps, since the chains were made
   std::int64_t made_ns_ = std::numeric_limits<std::int64_t>::min();  ///< when they were
-  double hit_sigma_m_ = 0.0;  ///< of the latest scan's hits, range noise and pose
-  double resolution_rad_ = 0.0;
   Surfels surfels_;
-  MapChains chains_;                       ///< of those confirmed
-  Watch now_;                              ///< of the latest scan
-  std::vector<Eigen::Vector2d> now_rays_;  ///< unit, of its beams in the level frame
-  std::vector<Watch> watches_;
+  MapChains chains_;  ///< of those confirmed
+  LatestScanView now_;
+  std::vector<ScanView> watches_;  ///< that are remembered
   std::size_t next_watch_ = 0;
   std::vector<Index> of_hit_;  ///< element of each hit of the scan
   std::vector<Index> given_up_, passed_;
