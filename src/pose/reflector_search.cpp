@@ -125,7 +125,6 @@ ReflectorSearch::ReflectorSearch(const ReflectorMap& map) : map_(map), gate_(0.0
   far_gate_ = chi_square_quantile(std::max(kFarProbability, kPlaceGateProbability), 2);
   list_pairs();
   sort_into_cells();
-  excluded_.resize(map_.reflectors.size());
   places_.reserve(kMaxPlaces);
   order_.reserve(kMaxPlaces);
   others_.reserve(kMaxPlaces);
@@ -216,7 +215,6 @@ void ReflectorSearch::for_each_within(const Eigen::Vector2d& p_world_m, double r
     for (auto n = from; n < to; ++n) {
       const std::int32_t k = in_cells_[static_cast<std::size_t>(n)];
       const Eigen::Vector2d& center_m = map_.reflectors[static_cast<std::size_t>(k)].center_world_m;
-      if (excluded_[static_cast<std::size_t>(k)] != 0) continue;
       if ((center_m - p_world_m).squaredNorm() > radius_m * radius_m) continue;
       if (!act(k, center_m)) return;
     }
@@ -281,10 +279,9 @@ void ReflectorSearch::order_places() {
   }
 }
 
-void ReflectorSearch::begin(const std::vector<ReflectorPlace>& places, const std::vector<char>& excluded) {
+void ReflectorSearch::begin(const std::vector<ReflectorPlace>& places) {
   const std::size_t n = std::min<std::size_t>(places.size(), kMaxPlaces);
   places_.assign(places.begin(), places.begin() + static_cast<std::ptrdiff_t>(n));
-  for (std::size_t k = 0; k < excluded_.size(); ++k) excluded_[k] = k < excluded.size() && excluded[k] != 0 ? 1 : 0;
   used_ = 0;
   looked_for_.fill(0);
   there_.fill(0);
@@ -355,7 +352,6 @@ bool ReflectorSearch::is_settled() const {
 
 /// The base as these two reflectors, one way round. If enough others are where it says it is a hypothesis.
 void ReflectorSearch::try_pair(std::int32_t a, std::int32_t b) {
-  if (excluded_[static_cast<std::size_t>(a)] != 0 || excluded_[static_cast<std::size_t>(b)] != 0) return;
   const Eigen::Vector2d& a_m = map_.reflectors[static_cast<std::size_t>(a)].center_world_m;
   const Eigen::Vector2d& b_m = map_.reflectors[static_cast<std::size_t>(b)].center_world_m;
   const Eigen::Vector2d way_m = b_m - a_m, middle_m = 0.5 * (a_m + b_m);
@@ -495,14 +491,13 @@ double ReflectorSearch::expected_by_chance(int matches) const {
   return std::max(expected, of_rivals);
 }
 
-const ReflectorPose& ReflectorSearch::find(const std::vector<ReflectorPlace>& places,
-                                           const std::vector<char>& excluded) {
+const ReflectorPose& ReflectorSearch::find(const std::vector<ReflectorPlace>& places) {
   result_.is_known = false;
   result_.reflectors.clear();
   result_.reason = "too few places";
   if (!is_searching_) {
     if (places.size() < static_cast<std::size_t>(kMinMatches)) return result_;
-    begin(places, excluded);
+    begin(places);
   }
   steps_ = 0;
   const std::size_t bases = places_.size() * (places_.size() - 1) / 2;

@@ -144,15 +144,6 @@ TEST(ReflectorSearch, FindsNoMirrorImage) {
   EXPECT_STREQ(search.find(places).reason, "no match");
 }
 
-TEST(ReflectorSearch, DoesNotMatchExcludedOnes) {
-  Random random(4);
-  const ReflectorMap map = random_map(random, 4);
-  ReflectorSearch search(map);
-  const ReflectorPose& pose = search.find(places_of(map, {}, 0.005), {0, 1, 0, 0});
-  ASSERT_TRUE(pose.is_known);
-  EXPECT_EQ(pose.reflectors, (std::vector<int>{0, -1, 2, 3}));
-}
-
 // Left-invariance: the world may be moved.
 TEST(ReflectorSearch, MovesWithTheWorld) {
   Random random(5);

@@ -48,9 +48,9 @@ class ReflectorSearch {
   /// of the reflectors, up to 200 MB.
   explicit ReflectorSearch(const ReflectorMap& map);
 
-  /// Begins a search, or continues the one that is not finished. Reflectors with a true entry in `excluded` (empty:
-  /// none) are not matched. No allocation after some calls. The result is overwritten by the next call.
-  const ReflectorPose& find(const std::vector<ReflectorPlace>& places, const std::vector<char>& excluded = {});
+  /// Begins a search, or continues the one that is not finished. No allocation after some calls. The result is
+  /// overwritten by the next call.
+  const ReflectorPose& find(const std::vector<ReflectorPlace>& places);
 
   /// Gives up the search that is not finished: its frame is no more.
   void begin_anew() { is_searching_ = false; }
@@ -87,7 +87,7 @@ class ReflectorSearch {
 
   void list_pairs();
   void sort_into_cells();
-  void begin(const std::vector<ReflectorPlace>& places, const std::vector<char>& excluded);
+  void begin(const std::vector<ReflectorPlace>& places);
   Base base_of(int i, int j) const;
   void order_places();
   void begin_base();
@@ -113,7 +113,6 @@ class ReflectorSearch {
 
   bool is_searching_ = false;
   std::vector<ReflectorPlace> places_;
-  std::vector<char> excluded_;
   std::vector<int> order_;       ///< of places_
   std::size_t base_number_ = 0;  ///< of the base, in the order of pairs of those
   Base base_;
