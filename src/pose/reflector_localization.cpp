@@ -7,6 +7,7 @@
 
 #include <Eigen/Cholesky>
 
+#include "reflector_localization_parts.hpp"
 #include "situation_awareness/common/time.hpp"
 #include "situation_awareness/estimation/gating.hpp"
 #include "situation_awareness/geometry/angles.hpp"
@@ -19,36 +20,11 @@ namespace {
 
 /// Probability that a sighting is inside the gate of the reflector that it is of.
 constexpr double kSightingGateProbability = 0.999;
-/// A match is ambiguous if other matches contradict it whose cost, the sum of squared Mahalanobis distances and of the
-/// gate for each sighting left unmatched, is not higher by this.
-constexpr double kMatchAdvantage = 6.0;
-/// m. Standard deviation of a reflector's place about that of its sighting, apart from the scanner's errors.
-constexpr double kModelSigma_m = 0.001;
-/// m. A reflector is missing only where it should be seen nearer than this.
-constexpr double kMaxView_m = 8.0;
-/// A reflector is missing after so many scans with beams through its place, less those that saw it.
-constexpr int kMissingScans = 25;
-/// A reflector is moved after so many scans in a row that saw one standing near its place instead.
-constexpr int kMovedScans = 25;
-/// m. A reflector that moved farther is a missing one.
-constexpr double kMaxMove_m = 1.0;
 /// The pose is searched for anew after so many scans in a row that contradict it.
 constexpr int kLostScans = 12;
-/// m. Error added to the position, in each direction, by a scan that contradicts it.
-constexpr double kLostSigma_m = 0.03;
-/// rad. Error added to the yaw by a scan that contradicts it.
-constexpr double kLostSigma_rad = 0.02;
 /// A search uses what has been seen standing in so many scans of the last seconds.
 constexpr int kSearchScans = 3;
-/// 1/sqrt(m). Random change of the constant errors, by distance, of that of turns by turning in rad.
-constexpr double kScaleDrift = 0.001;
-/// 1/sqrt(m). The same in proportion to the errors: wheels that are wrong by more change by more.
-constexpr double kRelativeDrift = 0.2;
 
-/// Matches of a scan that are tried before it is given up as ambiguous; without false sightings a few per reflector.
-constexpr int kMaxNodes = 3000;
-/// Assignments that are kept to tell whether a match is ambiguous.
-constexpr std::size_t kMaxLeaves = 32;
 /// Factor of the variance of the wheels' errors of scale when a pose replaces the one by which they were learned.
 constexpr double kLearnedScale = 4.0;
 /// s. The turn by odometry in a window that ends so long before a motion stands for that of the motion where the error
@@ -58,20 +34,6 @@ constexpr double kTurnDelay_s = 0.1;
 constexpr double kTurnWindow_s = 0.15;
 /// m. After this distance errors of the wheels count less, by a factor e, for how much they may change.
 constexpr double kErrorsLast_m = 100.0;
-/// A correction is linearised anew where it exceeds this, in m and rad.
-constexpr double kRelinearise = 0.02;
-constexpr int kMaxIterations = 6;
-/// Reflectors are judged only by a pose that is known better than this.
-constexpr double kCertain_m = 0.05;
-constexpr double kCertain_rad = 0.03;
-/// And by one that two of them have confirmed in this time, when one alone is in sight.
-constexpr double kConfirmed_s = 5.0;
-/// Beams that pass through the place of a reflector end farther behind it than this.
-constexpr double kBehindReflector_m = 0.1;
-/// What is seen nearer than this to a reflector's place and not in it hides that place, or is the reflector itself.
-constexpr double kBesidePlace_m = 0.15;
-/// What is seen within this distance of where it was seen before stands.
-constexpr double kStands_m = 0.1;
 /// What was seen longer ago, or farther away, is not searched with.
 constexpr double kMaxAge_s = 3.0;
 constexpr double kMaxSearchTravel_m = 1.5;
@@ -80,103 +42,17 @@ constexpr double kStandsStill_m = 0.005;
 constexpr std::size_t kMaxStood = 64;
 /// Error of a place by odometry in between, relative to the way, at least.
 constexpr double kTravelError = 0.03;
-/// m. A pose that was less certain may have been given to the wrong reflector, until so many are matched.
+/// m. A pose that was less certain may have been given to the wrong reflector, until enough are matched.
 constexpr double kUnsure_m = 0.1;
-constexpr std::size_t kSureMatches = 3;
 /// Probability that the pose that a search finds differs by less from the same one.
 constexpr double kSamePose = 0.9999;
-/// m. A sighting of none of the reflectors is of the same thing as an earlier one within this distance.
-constexpr double kSameStranger_m = 0.25;
-/// Scans with a match that saw it, after which it is known.
-constexpr int kStrangerScans = 5;
-constexpr std::size_t kMaxStrangers = 64;
-/// m. The place of a moved reflector is known to this standard deviation, in each direction, when it begins to be used:
-/// so much more than the errors by which it was found that these, which come again, count for nothing.
-constexpr double kMovedSigma_m = 0.05;
-
-double larger_eigenvalue(const Eigen::Matrix2d& P) {
-  const double mean = 0.5 * (P(0, 0) + P(1, 1));
-  return mean + std::hypot(0.5 * (P(0, 0) - P(1, 1)), P(0, 1));
-}
 
 }  // namespace
-
-void WheelErrorParams::validate() const { check_bounds(*this, "localization.wheels"); }
 
 void ReflectorLocalizationParams::validate() const {
   check_bounds(*this, "localization");
   wheels.validate();
   odometry.validate();
-}
-
-// --- models ----------------------------------------------------------------------------------------------------------
-
-Eigen::Matrix3d world_covariance(const Estimate<Pose2>& T_world_base) {
-  Eigen::Matrix3d B = Eigen::Matrix3d::Identity();
-  B.topLeftCorner<2, 2>() = T_world_base.x.rotation();
-  return transformed(B, T_world_base.P);
-}
-
-Eigen::Vector2d observed_reflector(const Pose2& T_world_base, const Pose2& T_base_lidar,
-                                   const Eigen::Vector2d& center_world_m) {
-  const Eigen::Vector2d p_lidar = place_of(T_base_lidar, place_of(T_world_base, center_world_m));
-  return {p_lidar.norm(), std::atan2(p_lidar.y(), p_lidar.x())};
-}
-
-Eigen::Matrix<double, 2, 3> observed_reflector_jacobian(const Pose2& T_world_base, const Pose2& T_base_lidar,
-                                                        const Eigen::Vector2d& center_world_m) {
-  const Eigen::Vector2d p_base = place_of(T_world_base, center_world_m);
-  const Eigen::Vector2d p_lidar = place_of(T_base_lidar, p_base);
-  const double range2_m2 = p_lidar.squaredNorm();
-  Eigen::Matrix2d J_z_p;
-  J_z_p << p_lidar.transpose() / std::sqrt(range2_m2), -p_lidar.y() / range2_m2, p_lidar.x() / range2_m2;
-  return J_z_p * T_base_lidar.rotation().transpose() * place_jacobian(p_base);
-}
-
-Eigen::Matrix2d observed_reflector_place_jacobian(const Eigen::Matrix<double, 2, 3>& J_z_e, const Pose2& T_world_base) {
-  return -J_z_e.leftCols<2>() * T_world_base.rotation().transpose();
-}
-
-namespace {
-
-// The motion of the robot by that of its odometry.
-Eigen::Vector3d corrected(const ReflectorState& x, const Eigen::Vector3d& tau, double turn_rad) {
-  Eigen::Vector3d result = tau;
-  result.head<2>() *= 1.0 + x.scale_error(0);
-  result(2) += x.scale_error(1) * turn_rad + x.yaw_drift_rad_m * tau(0);
-  return result;
-}
-
-}  // namespace
-
-ReflectorState moved_by_odometry(const ReflectorState& x, const Pose2& u, double turn_rad) {
-  return {x.T_world_base * exp_se2(corrected(x, log_se2(u), turn_rad)), x.scale_error, x.yaw_drift_rad_m};
-}
-
-Eigen::Matrix<double, 6, 6> moved_by_odometry_jacobian(const ReflectorState& x, const Pose2& u, double turn_rad) {
-  const Eigen::Vector3d tau = log_se2(u);
-  const Eigen::Vector3d scaled = corrected(x, tau, turn_rad);
-  Eigen::Matrix3d J_tau_s;
-  J_tau_s << tau(0), 0.0, 0.0, tau(1), 0.0, 0.0, 0.0, turn_rad, tau(0);
-  Eigen::Matrix<double, 6, 6> F = Eigen::Matrix<double, 6, 6>::Identity();
-  F.topLeftCorner<3, 3>() = adjoint_se2(inverse(exp_se2(scaled)));
-  F.topRightCorner<3, 3>() = right_jacobian_se2(scaled) * J_tau_s;
-  return F;
-}
-
-Eigen::Matrix<double, 6, 6> odometry_noise(const Pose2& u, const WheelErrorParams& params,
-                                           const Eigen::Vector3d& wheel_error) {
-  const double distance_m = u.translation_m.norm();
-  const double turn_rad = std::abs(wrap_to_pi(u.yaw_rad));
-  const auto variance = [](double noise, double way) { return noise * noise * way; };
-  const auto drift = [&](double error, double way) {
-    return variance(kScaleDrift, way) + variance(kRelativeDrift * error, way);
-  };
-  Eigen::Matrix<double, 6, 1> diagonal;
-  diagonal << variance(params.distance_noise, distance_m), variance(params.lateral_noise, distance_m),
-      variance(params.yaw_noise_of_distance, distance_m) + variance(params.yaw_noise_of_yaw, turn_rad),
-      drift(wheel_error(0), distance_m), drift(wheel_error(1), turn_rad), drift(wheel_error(2), distance_m);
-  return diagonal.asDiagonal();
 }
 
 // --- poses -----------------------------------------------------------------------------------------------------------
@@ -200,7 +76,6 @@ ReflectorLocalization::ReflectorLocalization(const ReflectorMap& map, const Refl
   order_.reserve(1024);
   in_time_.reserve(kMaxSightings);
   places_.reserve(kMaxStood);
-  excluded_.resize(n);
   update_.matches.reserve(kMaxSightings);
   update_.ambiguous.reserve(kMaxSightings);
   update_.unmatched.reserve(kMaxSightings);
@@ -463,209 +338,6 @@ void ReflectorLocalization::cover(std::int64_t stamp_ns) {
   coverage_.largest_sigma_rad = std::max(coverage_.largest_sigma_rad, std::sqrt(at_stamp_.P(2, 2)));
 }
 
-// Whether a sighting may be of a reflector with this centre, P_l being the covariance of the place. `fit`: for its
-// radius, and that of the call before.
-bool ReflectorLocalization::is_possible(const ReflectorSightings& sightings, const Seen& seen,
-                                        const Eigen::Vector2d& center_m, double radius_m, const Eigen::Matrix2d& P_l,
-                                        SightingFit& fit, Possible& possible) const {
-  const ReflectorSighting& sighting = sightings.sightings[seen.sighting];
-  const Eigen::Vector2d predicted = observed_reflector(estimate_.x.T_world_base, seen.T_base_lidar, center_m);
-  if (predicted(0) < radius_m + 0.01) return false;  // inside it
-  Matrix26 H = Matrix26::Zero();
-  H.leftCols<3>() = observed_reflector_jacobian(estimate_.x.T_world_base, seen.T_base_lidar, center_m);
-  // An error of a moved reflector's place acts as an independent one of the sighting. In truth it has much in common
-  // with that of the pose by which it was found, and the gate is wider than need be.
-  const Eigen::Matrix2d HPH_l =
-      transformed(observed_reflector_place_jacobian(H.leftCols<3>(), estimate_.x.T_world_base), P_l);
-  const Eigen::Matrix2d HPH = transformed(H, estimate_.P) + HPH_l;
-  // Most are far away: only near ones are fitted.
-  const double off_m = predicted(0) - sighting.surface_range_m - radius_m;
-  if (off_m * off_m > 4.0 * gate_ * (HPH(0, 0) + 0.01)) return false;
-  const double off_rad = wrap_to_pi(predicted(1) - sighting.azimuth_rad);
-  if (off_rad * off_rad > 4.0 * gate_ * (HPH(1, 1) + 1e-3)) return false;
-  if (radius_m != fit.radius_m) fit = {radius_m, fit_reflector(sightings, sighting, radius_m)};
-  possible.z << fit.fit.range_m, fit.fit.azimuth_rad;
-  possible.R = fit.fit.covariance;
-  possible.white = fit.fit.white;
-  const double model_m2 = kModelSigma_m * kModelSigma_m;
-  possible.R(0, 0) += model_m2;
-  possible.R(1, 1) += model_m2 / (fit.fit.range_m * fit.fit.range_m);
-  // To first order errors of odometry since the stamp act as one of the pose at the stamp, turned by the motion.
-  possible.R_gate = possible.R + transformed(H, seen.Q) + HPH_l;
-  Eigen::Vector2d nu = possible.z - predicted;
-  nu(1) = wrap_to_pi(nu(1));
-  return inside_gate(innovation(estimate_, nu, H, possible.R_gate), gate_);
-}
-
-// Which reflectors each sighting may be of, each by itself.
-void ReflectorLocalization::list_possible(const ReflectorSightings& sightings) {
-  possible_.clear();
-  for (Seen& seen : seen_) {
-    seen.first = possible_.size();
-    SightingFit fit;
-    for (std::size_t k = 0; k < map_.reflectors.size(); ++k) {
-      const Reflector& reflector = map_.reflectors[k];
-      Watched& watched = watched_[k];
-      Possible possible{};
-      possible.reflector = static_cast<int>(k);
-      if (watched.used >= 0 && is_possible(sightings, seen, moved_.at(watched.used), reflector.radius_m,
-                                           moved_.covariance_at(watched.used), fit, possible)) {
-        possible_.push_back(possible);
-        continue;
-      }
-      if (!is_possible(sightings, seen, reflector.center_world_m, reflector.radius_m, Eigen::Matrix2d::Zero(), fit,
-                       possible)) {
-        continue;
-      }
-      if (watched.is_moved) {
-        ++watched.back;
-      } else {
-        possible_.push_back(possible);
-      }
-    }
-    seen.count = possible_.size() - seen.first;
-  }
-  // Those with the least choice first, which makes the tree of assignments small.
-  std::sort(seen_.begin(), seen_.end(), [](const Seen& a, const Seen& b) {
-    const bool is_clear_a = a.count == 1, is_clear_b = b.count == 1;
-    return is_clear_a != is_clear_b ? is_clear_a : a.sighting < b.sighting;
-  });
-}
-
-// The assignment with the least sum of squared Mahalanobis distances, of all sightings jointly, and of the gate for
-// each left out (joint compatibility: Neira and Tardos, 2001).
-void ReflectorLocalization::associate() {
-  leaves_.clear();
-  best_cost_ = std::numeric_limits<double>::infinity();
-  nodes_ = 0;
-  std::fill(taken_.begin(), taken_.end(), 0);
-  trial_.fill(-1);
-  reflector_of_.fill(-1);
-  try_sighting(0, estimate_, 0.0);
-  if (nodes_ > kMaxNodes) {
-    ++counters_["association given up"];
-    for (const Seen& seen : seen_) {
-      if (seen.count > 0) update_.ambiguous.push_back(seen.sighting);
-    }
-    return;
-  }
-  if (leaves_.empty()) return;
-  const Leaf& best =
-      *std::min_element(leaves_.begin(), leaves_.end(), [](const Leaf& a, const Leaf& b) { return a.cost < b.cost; });
-  for (std::size_t k = 0; k < seen_.size(); ++k) {
-    const int reflector = best.reflector_of[k];
-    if (reflector < 0) continue;
-    const bool is_contested = std::any_of(leaves_.begin(), leaves_.end(), [&](const Leaf& leaf) {
-      if (leaf.cost > best.cost + kMatchAdvantage) return false;
-      if (leaf.reflector_of[k] >= 0 && leaf.reflector_of[k] != reflector) return true;
-      for (std::size_t m = 0; m < seen_.size(); ++m) {
-        if (m != k && leaf.reflector_of[m] == reflector) return true;
-      }
-      return false;
-    });
-    if (is_contested) {
-      update_.ambiguous.push_back(seen_[k].sighting);
-    } else {
-      reflector_of_[k] = reflector;
-    }
-  }
-}
-
-void ReflectorLocalization::try_sighting(std::size_t k, const Estimate<ReflectorState>& estimate, double cost) {
-  if (++nodes_ > kMaxNodes) return;
-  if (k == seen_.size()) {
-    best_cost_ = std::min(best_cost_, cost);
-    if (leaves_.size() == kMaxLeaves) {  // the worst makes room
-      const auto worst = std::max_element(leaves_.begin(), leaves_.end(),
-                                          [](const Leaf& a, const Leaf& b) { return a.cost < b.cost; });
-      if (worst->cost > cost) *worst = {trial_, cost};
-    } else {
-      leaves_.push_back({trial_, cost});
-    }
-    return;
-  }
-  // Each sighting to come may at best be matched without any distance.
-  const auto is_hopeless = [&](double so_far) { return so_far > best_cost_ + kMatchAdvantage; };
-  if (is_hopeless(cost)) return;
-  const Seen& seen = seen_[k];
-  for (std::size_t i = seen.first; i < seen.first + seen.count; ++i) {
-    const Possible& possible = possible_[i];
-    const auto reflector = static_cast<std::size_t>(possible.reflector);
-    if (taken_[reflector] != 0) continue;
-    const Eigen::Vector2d center_m = center_of(reflector);
-    // Linearised at the estimate that the matches so far lead to, and again where the correction by this one is large.
-    Matrix26 H = Matrix26::Zero();
-    Innovation<2> compared;
-    Vector6 e = Vector6::Zero();
-    double nis = 0.0;
-    for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
-      const ReflectorState x = Manifold<ReflectorState>::retract(estimate.x, e);
-      H.leftCols<3>() =
-          observed_reflector_jacobian(x.T_world_base, seen.T_base_lidar, center_m) * right_jacobian_se2(e.head<3>());
-      Eigen::Vector2d nu = possible.z - observed_reflector(x.T_world_base, seen.T_base_lidar, center_m);
-      nu(1) = wrap_to_pi(nu(1));
-      compared = innovation(estimate, Eigen::Vector2d(nu + H * e), H, possible.R_gate);
-      nis = compared.mahalanobis2;
-      if (!(nis < 4.0 * gate_)) break;  // also NaN
-      const Vector6 next = estimate.P * H.transpose() * solve_cholesky(factor_of(compared.S), compared.nu);
-      const double change = (next - e).norm();
-      e = next;
-      if (change < kRelinearise) break;
-    }
-    if (!(nis <= gate_)) continue;
-    const double next_cost = cost + nis;
-    if (is_hopeless(next_cost)) continue;
-    Estimate<ReflectorState> next = estimate;
-    situation_awareness::update(next, compared, H, possible.R_gate);
-    taken_[reflector] = 1;
-    trial_[k] = possible.reflector;
-    try_sighting(k + 1, next, next_cost);
-    trial_[k] = -1;
-    taken_[reflector] = 0;
-  }
-  try_sighting(k + 1, estimate, cost + (seen.count > 0 ? gate_ : 0.0));
-}
-
-// That which `seen_[k]` is matched as.
-ReflectorLocalization::Possible& ReflectorLocalization::possible_of(std::size_t k) {
-  return *std::find_if(possible_.begin() + static_cast<std::ptrdiff_t>(seen_[k].first), possible_.end(),
-                       [&](const Possible& possible) { return possible.reflector == reflector_of_[k]; });
-}
-
-// Where a reflector is taken to stand.
-Eigen::Vector2d ReflectorLocalization::center_of(std::size_t reflector) const {
-  const int moved = watched_[reflector].used;
-  return moved >= 0 ? moved_.at(moved) : map_.reflectors[reflector].center_world_m;
-}
-
-// What each match says that is new.
-void ReflectorLocalization::weigh(double resolution_rad) {
-  for (std::size_t k = 0; k < seen_.size(); ++k) {
-    const std::size_t sighting = seen_[k].sighting;
-    const bool is_ambiguous =
-        std::find(update_.ambiguous.begin(), update_.ambiguous.end(), sighting) != update_.ambiguous.end();
-    if (reflector_of_[k] < 0) {
-      if (!is_ambiguous) update_.unmatched.push_back(sighting);
-      continue;
-    }
-    Possible& possible = possible_of(k);
-    const Eigen::Vector2d center_m = center_of(static_cast<std::size_t>(reflector_of_[k]));
-    const Eigen::Vector2d predicted = observed_reflector(estimate_.x.T_world_base, seen_[k].T_base_lidar, center_m);
-    Matrix26 H = Matrix26::Zero();
-    H.leftCols<3>() = observed_reflector_jacobian(estimate_.x.T_world_base, seen_[k].T_base_lidar, center_m);
-    Eigen::Vector2d nu = possible.z - predicted;
-    nu(1) = wrap_to_pi(nu(1));
-    const double nis = innovation(estimate_, nu, H, possible.R_gate).mahalanobis2;
-    update_.matches.push_back({sighting, reflector_of_[k], nis});
-    update_.nis += nis;
-
-    RepeatedBeams& beams = watched_[static_cast<std::size_t>(reflector_of_[k])].beams;
-    possible.R = beams.new_covariance(possible.R, possible.white, predicted(1), resolution_rad);
-  }
-  if (update_.matches.empty()) return;
-  nis_monitor_.add(update_.matches.size(), update_.nis);
-}
-
 void ReflectorLocalization::correct(const Pose2& T_base_lidar) {
   if (update_.matches.empty()) return;
   in_time_.clear();
@@ -761,247 +433,6 @@ void ReflectorLocalization::correct_with(const Pose2& T_base_lidar) {
     if (is_done) break;
     about = {at_stamp_.x, estimate_.x.scale_error, estimate_.x.yaw_drift_rad_m};
   }
-}
-
-// --- the reflectors themselves ---------------------------------------------------------------------------------------
-
-bool ReflectorLocalization::MovedPlaces::any() const {
-  return std::any_of(is_used.begin(), is_used.end(), [](bool used) { return used; });
-}
-
-// A moved reflector is used from now on where it has been seen standing, if there is room.
-void ReflectorLocalization::use_moved(Watched& watched) {
-  const auto room = std::find(moved_.is_used.begin(), moved_.is_used.end(), false);
-  if (room == moved_.is_used.end()) return;
-  *room = true;
-  const int i = static_cast<int>(room - moved_.is_used.begin());
-  watched.used = i;
-  watched.beams = {};
-  moved_.l.segment<2>(2 * i) = watched.stands.center_world_m();
-  moved_.P.block<2, 2>(2 * i, 2 * i) = kMovedSigma_m * kMovedSigma_m * Eigen::Matrix2d::Identity();
-  ++counters_["moved reflector used"];
-}
-
-void ReflectorLocalization::leave_moved(Watched& watched) {
-  const int i = watched.used;
-  if (i < 0) return;
-  watched.used = -1;
-  watched.beams = {};
-  moved_.is_used[static_cast<std::size_t>(i)] = false;
-  moved_.l.segment<2>(2 * i).setZero();
-  moved_.P.middleRows<2>(2 * i).setZero();
-  moved_.P.middleCols<2>(2 * i).setZero();
-  moved_.P_state.middleCols<2>(2 * i).setZero();
-}
-
-// All beams that would meet the reflector, wherever it is by the errors of the pose, end far behind it.
-bool ReflectorLocalization::is_seen_through(const ReflectorSightings& sightings, const Pose2& T_base_lidar,
-                                            const Reflector& known) const {
-  const std::vector<float>& azimuths = sightings.free.azimuth_rad;
-  if (azimuths.size() < 2) return false;
-  double time_s = 0.5 * (sightings.free_begin_s + sightings.free_end_s);
-  Eigen::Vector2d z;
-  Eigen::Matrix<double, 2, 3> H;
-  double azimuth_rad = 0.0;
-  OdometryTrack::Entry now;
-  if (!track_.at(sightings.stamp_ns, now)) return false;
-  for (int iteration = 0; iteration < 2; ++iteration) {  // the time depends on the azimuth
-    OdometryTrack::Entry then;
-    if (!track_.at(sightings.stamp_ns + nanoseconds(time_s), then)) return false;
-    const Pose2 T_base_then_lidar = inverse(now.T_track_base) * then.T_track_base * T_base_lidar;
-    z = observed_reflector(at_stamp_.x, T_base_then_lidar, known.center_world_m);
-    H = observed_reflector_jacobian(at_stamp_.x, T_base_then_lidar, known.center_world_m);
-    azimuth_rad = z(1);
-    while (azimuth_rad < azimuths.front()) azimuth_rad += 2.0 * kPi;
-    while (azimuth_rad - 2.0 * kPi >= azimuths.front()) azimuth_rad -= 2.0 * kPi;
-    const double part = (azimuth_rad - azimuths.front()) / static_cast<double>(azimuths.back() - azimuths.front());
-    time_s = sightings.free_begin_s + std::min(1.0, part) * (sightings.free_end_s - sightings.free_begin_s);
-  }
-  if (z(0) > kMaxView_m || z(0) < known.radius_m + 0.1) return false;
-  const Eigen::Matrix2d HPH = transformed(H, at_stamp_.P);
-  const double half_rad = std::asin(std::min(1.0, known.radius_m / z(0))) + 2.0 * std::sqrt(HPH(1, 1));
-  const double behind_m = z(0) + known.radius_m + kBehindReflector_m + 2.0 * std::sqrt(HPH(0, 0));
-  const auto begin = std::lower_bound(azimuths.begin(), azimuths.end(), static_cast<float>(azimuth_rad - half_rad));
-  const auto end = std::upper_bound(begin, azimuths.end(), static_cast<float>(azimuth_rad + half_rad));
-  if (begin == azimuths.begin() || begin == end || end == azimuths.end()) return false;
-  return std::all_of(sightings.free.range_m.begin() + (begin - azimuths.begin()),
-                     sightings.free.range_m.begin() + (end - azimuths.begin()),
-                     [&](float range_m) { return range_m > behind_m; });
-}
-
-// Unmatched sightings of what was not seen before while others were matched. Those of a scan with matches are
-// remembered.
-std::size_t ReflectorLocalization::count_strange(const ReflectorSightings& sightings) {
-  std::size_t strange = 0;
-  for (const Seen& seen : seen_) {
-    const bool is_unmatched =
-        std::find(update_.unmatched.begin(), update_.unmatched.end(), seen.sighting) != update_.unmatched.end();
-    if (!is_unmatched) continue;
-    const ReflectorSighting& sighting = sightings.sightings[seen.sighting];
-    const Eigen::Vector2d p_lidar =
-        sighting.surface_range_m * Eigen::Vector2d(std::cos(sighting.azimuth_rad), std::sin(sighting.azimuth_rad));
-    const Eigen::Vector2d p_world = at_stamp_.x * (seen.T_base_lidar * p_lidar);
-    const auto known = std::find_if(strangers_.begin(), strangers_.end(), [&](const Stranger& stranger) {
-      return (stranger.p_world_m - p_world).norm() < kSameStranger_m;
-    });
-    if (known == strangers_.end() || known->scans < kStrangerScans) ++strange;
-    if (update_.matches.empty() || contradicted_ > 0) continue;
-    if (known != strangers_.end()) {
-      ++known->scans;
-    } else {
-      if (strangers_.size() == kMaxStrangers) strangers_.erase(strangers_.begin());  // the oldest
-      strangers_.push_back({p_world, 1});
-    }
-  }
-  return strange;
-}
-
-// Whether something stands near the place of a reflector, `is_gone` from it, that is nobody else's.
-void ReflectorLocalization::judge_elsewhere(const ReflectorSightings& sightings, const Pose2& T_base_lidar,
-                                            std::size_t reflector, bool is_gone) {
-  Watched& watched = watched_[reflector];
-  const Reflector& known = map_.reflectors[reflector];
-  double nearest_m = kMaxMove_m;
-  Eigen::Vector2d nearest_world_m = Eigen::Vector2d::Zero();
-  Eigen::Vector2d lidar_world_m = Eigen::Vector2d::Zero();
-  Eigen::Matrix2d covariance = Eigen::Matrix2d::Zero();
-  bool is_plausible = false;
-  for (const Seen& seen : seen_) {
-    if (std::find(update_.unmatched.begin(), update_.unmatched.end(), seen.sighting) == update_.unmatched.end()) {
-      continue;
-    }
-    const ReflectorFit fit = fit_reflector(sightings, sightings.sightings[seen.sighting], known.radius_m);
-    const Pose2 T_world_lidar = at_stamp_.x * seen.T_base_lidar;
-    const Eigen::Vector2d along(std::cos(fit.azimuth_rad), std::sin(fit.azimuth_rad));
-    const Eigen::Vector2d p_world = T_world_lidar * (fit.range_m * along);
-    const double distance_m = (p_world - known.center_world_m).norm();
-    // Where the place itself is hidden, something bright at some distance is another thing.
-    if (distance_m >= nearest_m || (distance_m > kBesidePlace_m && !is_gone && !watched.is_missing)) continue;
-    nearest_m = distance_m;
-    nearest_world_m = p_world;
-    lidar_world_m = T_world_lidar.translation_m;
-    is_plausible = fit.is_width_plausible;
-    const Eigen::Vector2d along_world = T_world_lidar.rotation() * along;
-    Eigen::Matrix2d J;  // d(x, y) / d(range, azimuth)
-    J << along_world.x(), -fit.range_m * along_world.y(), along_world.y(), fit.range_m * along_world.x();
-    const double yaw_m2 = fit.range_m * fit.range_m * at_stamp_.P(2, 2);
-    covariance = transformed(J, fit.covariance) +
-                 (larger_eigenvalue(at_stamp_.P.topLeftCorner<2, 2>()) + yaw_m2) * Eigen::Matrix2d::Identity();
-  }
-  const bool is_seen = nearest_m < kMaxMove_m;
-  if (!is_seen && watched.elsewhere > 0 &&
-      is_seen_through(sightings, T_base_lidar, {watched.elsewhere_world_m, known.radius_m})) {
-    // Not there any more: someone who stood there, or a reflector that was moved again.
-    if (++watched.left >= kMissingScans) {
-      watched.elsewhere = watched.left = 0;
-      watched.is_moved = false;
-    }
-    watched.stands = {};
-  }
-  if (!is_seen) return;
-  if (watched.elsewhere > 0 && (nearest_world_m - watched.elsewhere_world_m).norm() > kStands_m) {
-    watched.elsewhere = 0;
-    watched.stands = {};
-  }
-  watched.left = 0;
-  ++watched.elsewhere;
-  watched.elsewhere_world_m += (nearest_world_m - watched.elsewhere_world_m) / watched.elsewhere;
-  if (is_plausible) watched.stands.add(sightings.stamp_ns, nearest_world_m, covariance, lidar_world_m);
-  if (watched.elsewhere < kMovedScans) return;
-  if (!watched.is_moved) ++counters_["reflector moved"];
-  watched.is_moved = true;
-  if (watched.stands.seen_s() >= params_.moved_use_s && watched.stands.is_reflector()) use_moved(watched);
-}
-
-void ReflectorLocalization::judge_reflectors(const ReflectorSightings& sightings, const Pose2& T_base_lidar) {
-  if (update_.matches.size() >= 2) confirmed_ns_ = stamp_ns_;
-  const bool is_certain = !update_.matches.empty() && seconds_between(confirmed_ns_, stamp_ns_) < kConfirmed_s &&
-                          larger_eigenvalue(at_stamp_.P.topLeftCorner<2, 2>()) < kCertain_m * kCertain_m &&
-                          at_stamp_.P(2, 2) < kCertain_rad * kCertain_rad;
-  std::size_t seen_through = 0;
-  for (std::size_t k = 0; k < watched_.size(); ++k) {
-    Watched& watched = watched_[k];
-    const bool is_matched = std::any_of(update_.matches.begin(), update_.matches.end(),
-                                        [&](const ReflectorMatch& m) { return m.reflector == static_cast<int>(k); });
-    if (is_matched && watched.used >= 0) {
-      watched.left = std::max(0, watched.left - 2);
-      watched.back = 0;
-      watched.elsewhere_world_m = moved_.at(watched.used);
-      continue;
-    }
-    if (is_matched) {
-      watched.missing = std::max(0, watched.missing - 2);
-      watched.elsewhere = 0;
-      watched.stands = {};
-      if (watched.missing == 0) watched.is_missing = false;
-      continue;
-    }
-    const bool is_gone = is_seen_through(sightings, T_base_lidar, map_.reflectors[k]);
-    if (is_gone && !watched.is_missing && !watched.is_moved) ++seen_through;
-    if (!is_certain) continue;
-    if (is_gone) {
-      watched.missing = std::min(watched.missing + 1, kMissingScans);
-      watched.back = 0;
-      if (watched.missing == kMissingScans && !watched.is_missing) {
-        watched.is_missing = true;
-        ++counters_["reflector missing"];
-      }
-    }
-    // Back in its place.
-    if (watched.is_moved && watched.back >= kMovedScans) {
-      leave_moved(watched);
-      watched = {};
-      ++counters_["reflector back"];
-      continue;
-    }
-    if (watched.used < 0) {
-      judge_elsewhere(sightings, T_base_lidar, k, is_gone);
-    } else if (is_seen_through(sightings, T_base_lidar, {center_of(k), map_.reflectors[k].radius_m}) &&
-               ++watched.left >= kMovedScans) {
-      leave_moved(watched);  // moved again, or it was none
-      watched.elsewhere = watched.left = 0;
-      watched.is_moved = false;
-      watched.stands = {};
-      ++counters_["moved reflector gone"];
-    }
-  }
-  for (std::size_t k = 0; k < watched_.size(); ++k) {
-    if (watched_[k].is_moved) {
-      MovedReflector moved;
-      moved.reflector = static_cast<int>(k);
-      moved.center_world_m = watched_[k].elsewhere_world_m;
-      moved.is_used = watched_[k].used >= 0;
-      if (moved.is_used) moved.covariance_m2 = moved_.covariance_at(watched_[k].used);
-      update_.moved.push_back(moved);
-    } else if (watched_[k].is_missing) {
-      update_.missing.push_back(static_cast<int>(k));
-    }
-  }
-
-  const std::size_t matches = update_.matches.size();
-  // After a long way with few reflectors one may be matched by chance, and those that it hides are soon known as things
-  // that shine: a search tells. A pose that was known all the time needs none: things that shine, and reflectors that
-  // were moved, may be more than those that are matched.
-  if (matches >= kSureMatches && doubtful_ == 0) was_unsure_ = false;
-  const std::size_t unmatched = update_.unmatched.size();
-  if (unmatched >= 2 && unmatched > matches && was_unsure_) {
-    ++doubtful_;
-  } else if (matches > 0) {
-    doubtful_ = std::max(0, doubtful_ - 1);
-  }
-  // What was there before, while the pose was known, is no sign of another pose: a reflector that was moved, a thing
-  // that shines.
-  const std::size_t strange = count_strange(sightings);
-  update_.is_contradicted =
-      (seen_through >= 2 && seen_through > matches && strange >= 2) || (matches == 0 && strange >= 3);
-  if (!update_.is_contradicted) {
-    if (matches >= 1) contradicted_ = 0;
-    return;
-  }
-  ++contradicted_;
-  const Eigen::Vector3d sigma(kLostSigma_m, kLostSigma_m, kLostSigma_rad);
-  estimate_.P.diagonal().head<3>() += sigma.cwiseAbs2();
-  at_stamp_.P.diagonal() += sigma.cwiseAbs2();
 }
 
 // --- search ----------------------------------------------------------------------------------------------------------

@@ -4,13 +4,11 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <limits>
 #include <utility>
 
 #include <Eigen/Cholesky>
-#include <Eigen/SparseCholesky>
-#include <Eigen/SparseCore>
 
+#include "reflector_survey_solution.hpp"
 #include "situation_awareness/common/time.hpp"
 #include "situation_awareness/estimation/gating.hpp"
 #include "situation_awareness/geometry/angles.hpp"
@@ -29,12 +27,6 @@ constexpr int kRareSightings = 2, kRareKeys = 20;
 /// which on a straight way pull it to -1. With 0.1 distances along a corridor are wrong by 11 mm at worst, with 0.02 by
 /// 4 mm.
 constexpr double kMostYawScaleSigma = 0.02;
-/// Floor of the errors of odometry between keys, in m and rad: with none the adjustment is singular.
-constexpr double kLeastOdometryError = 1e-5;
-/// Sightings farther away than this many standard deviations count less (Huber, 1964).
-constexpr double kHuber = 3.0;
-constexpr int kMaxAdjustments = 30;
-constexpr double kAdjusted = 1e-7;
 /// Beams that end within this distance of a reflector's surface end on it; that end behind it by more pass through.
 constexpr double kOnIt_m = 0.08;
 /// Part of a reflector's width whose beams are looked at.
@@ -43,23 +35,6 @@ constexpr double kMiddlePart = 0.7;
 constexpr double kCutBeams = 3.0;
 /// Rounds of adjusting and leaving out what is no reflector.
 constexpr int kMaxRounds = 6;
-
-Eigen::Matrix2d place_by_center_jacobian(const Pose2& T_world_base, const Pose2& T_base_lidar,
-                                         const Eigen::Vector2d& center_world_m) {
-  const Pose2 T_world_lidar = T_world_base * T_base_lidar;
-  const Eigen::Vector2d p_lidar = place_of(T_world_lidar, center_world_m);
-  const double range2_m2 = p_lidar.squaredNorm();
-  Eigen::Matrix2d J_z_p;
-  J_z_p << p_lidar.transpose() / std::sqrt(range2_m2), -p_lidar.y() / range2_m2, p_lidar.x() / range2_m2;
-  return J_z_p * T_world_lidar.rotation().transpose();
-}
-
-Eigen::Vector2d residual_of(const Eigen::Vector2d& z, const Pose2& T_world_base, const Pose2& T_base_lidar,
-                            const Eigen::Vector2d& center_world_m) {
-  Eigen::Vector2d nu = z - observed_reflector(T_world_base, T_base_lidar, center_world_m);
-  nu(1) = wrap_to_pi(nu(1));
-  return nu;
-}
 
 std::string sentence_of(const char* format, double value) {
   char text[200];
@@ -325,149 +300,6 @@ void ReflectorSurvey::add(const ReflectorSightings& sightings, const Pose2& T_ba
 }
 
 // --- at the end ------------------------------------------------------------------------------------------------------
-
-struct ReflectorSurvey::Solution {
-  std::vector<Pose2> T_world_base;
-  Eigen::Vector2d scale_error;
-  std::vector<Eigen::Vector2d> centers_m;  ///< of found_
-  std::vector<std::size_t> same_as;        ///< index in found_ that it is the same as, itself if of none before
-  std::vector<const char*> refused;        ///< reason, or null while it is used
-  std::vector<int> sightings;
-  std::vector<double> nis;
-  std::vector<double> bright_part;
-  double odometry_nis = 0.0;      ///< mean, per degree of freedom
-  std::vector<std::size_t> used;  ///< indices of those used
-  Eigen::MatrixXd covariance;     ///< of the centres of those used
-};
-
-// Least squares over all poses, scales and reflectors, by Gauss-Newton steps: the matrix is sparse, since a key sees
-// few reflectors and is tied to its neighbours alone.
-ReflectorSurvey::Solution ReflectorSurvey::adjust(const Solution& from) const {
-  Solution solution = from;
-  solution.used.clear();
-  std::vector<Eigen::Index> column(found_.size(), -1);
-  const auto keys = static_cast<Eigen::Index>(keys_.size());
-  const Eigen::Index scales = 3 * (keys - 1);  // the first pose is given
-  Eigen::Index size = scales + 2;
-  for (std::size_t j = 0; j < found_.size(); ++j) {
-    if (solution.same_as[j] != j || solution.refused[j] != nullptr) continue;
-    column[j] = size;
-    size += 2;
-    solution.used.push_back(j);
-  }
-  const auto column_of = [&](std::size_t found) { return column[solution.same_as[found]]; };
-  Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>> factor;
-  for (int step = 0; step < kMaxAdjustments; ++step) {
-    std::vector<Eigen::Triplet<double>> entries;
-    Eigen::VectorXd b = Eigen::VectorXd::Zero(size);
-    // Adds a residual r - J e with blocks of J at columns.
-    const auto add = [&](const Eigen::VectorXd& r, const Eigen::MatrixXd& information,
-                         const std::vector<std::pair<Eigen::Index, Eigen::MatrixXd>>& blocks) {
-      for (const auto& [row, J_row] : blocks) {
-        if (row < 0) continue;
-        b.segment(row, J_row.cols()) += J_row.transpose() * information * r;
-        for (const auto& [col, J_col] : blocks) {
-          if (col < 0) continue;
-          const Eigen::MatrixXd block = J_row.transpose() * information * J_col;
-          for (Eigen::Index m = 0; m < block.rows(); ++m) {
-            for (Eigen::Index n = 0; n < block.cols(); ++n) entries.emplace_back(row + m, col + n, block(m, n));
-          }
-        }
-      }
-    };
-    const Eigen::Vector2d scale_sigma(params_.wheels.distance_scale_sigma, params_.wheels.yaw_scale_sigma);
-    const Eigen::Vector2d floored = scale_sigma.cwiseMax(kLeastOdometryError);
-    add(-solution.scale_error, floored.cwiseAbs2().cwiseInverse().asDiagonal().toDenseMatrix(),
-        {{scales, Eigen::Matrix2d::Identity()}});
-    std::fill(solution.sightings.begin(), solution.sightings.end(), 0);
-    std::fill(solution.nis.begin(), solution.nis.end(), 0.0);
-    solution.odometry_nis = 0.0;
-    for (std::size_t i = 0; i < keys_.size(); ++i) {
-      const Key& key = keys_[i];
-      const Eigen::Index pose = i == 0 ? -1 : 3 * static_cast<Eigen::Index>(i - 1);
-      if (i > 0) {
-        const ReflectorState before{solution.T_world_base[i - 1], solution.scale_error};
-        const ReflectorState predicted = moved_by_odometry(before, key.u, key.u.yaw_rad);
-        const Eigen::Vector3d r = Manifold<Pose2>::local_coordinates(predicted.T_world_base, solution.T_world_base[i]);
-        const Eigen::Matrix<double, 3, 6> F = moved_by_odometry_jacobian(before, key.u, key.u.yaw_rad).topRows<3>();
-        Eigen::Vector3d variance = odometry_noise(key.u, params_.wheels).diagonal().head<3>();
-        const Eigen::Vector3d jump(params_.wheels.jump_sigma_m, params_.wheels.jump_sigma_m,
-                                   params_.wheels.jump_sigma_rad);
-        variance += key.jumps * jump.cwiseAbs2();
-        variance = variance.cwiseMax(kLeastOdometryError * kLeastOdometryError);
-        const Eigen::Matrix3d information = variance.cwiseInverse().asDiagonal();
-        solution.odometry_nis += r.dot(information * r) / (3.0 * static_cast<double>(keys - 1));
-        const Eigen::Index pose_before = i == 1 ? -1 : pose - 3;
-        add(r, information,
-            {{pose, -Eigen::Matrix3d::Identity()}, {pose_before, F.leftCols<3>()}, {scales, F.middleCols<2>(3)}});
-      }
-      for (const Sighting& sighting : key.sightings) {
-        const std::size_t j = solution.same_as[sighting.reflector];
-        if (column_of(sighting.reflector) < 0) continue;
-        const Pose2& T = solution.T_world_base[i];
-        const Eigen::Vector2d nu = residual_of(sighting.z, T, sighting.T_base_lidar, solution.centers_m[j]);
-        Eigen::Matrix2d information = sighting.R.inverse();
-        const double nis = nu.dot(information * nu);
-        solution.nis[j] += nis;
-        ++solution.sightings[j];
-        const double sigmas = std::sqrt(nis);
-        if (sigmas > kHuber) information *= kHuber / sigmas;
-        add(nu, information,
-            {{pose, observed_reflector_jacobian(T, sighting.T_base_lidar, solution.centers_m[j])},
-             {column[j], place_by_center_jacobian(T, sighting.T_base_lidar, solution.centers_m[j])}});
-      }
-    }
-    for (const std::size_t j : solution.used) {
-      solution.nis[j] /= std::max(1, 2 * solution.sightings[j]);
-      // A reflector of which no sighting is left must not make it singular.
-      for (Eigen::Index m = 0; m < 2; ++m) entries.emplace_back(column[j] + m, column[j] + m, 1e-9);
-    }
-    Eigen::SparseMatrix<double> A(size, size);
-    A.setFromTriplets(entries.begin(), entries.end());
-    factor.compute(A);
-    if (factor.info() != Eigen::Success) break;
-    const Eigen::VectorXd e = factor.solve(b);
-    for (std::size_t i = 1; i < keys_.size(); ++i) {
-      const Eigen::Vector3d of_pose = e.segment<3>(3 * static_cast<Eigen::Index>(i - 1));
-      solution.T_world_base[i] = Manifold<Pose2>::retract(solution.T_world_base[i], of_pose);
-    }
-    solution.scale_error += e.segment<2>(scales);
-    for (const std::size_t j : solution.used) solution.centers_m[j] += e.segment<2>(column[j]);
-    if (e.cwiseAbs().maxCoeff() < kAdjusted) break;
-  }
-  const Eigen::Index n = size - scales - 2;
-  solution.covariance = Eigen::MatrixXd::Zero(n, n);
-  if (factor.info() == Eigen::Success) {
-    for (Eigen::Index k = 0; k < n; ++k) {
-      const Eigen::VectorXd unit = Eigen::VectorXd::Unit(size, scales + 2 + k);
-      solution.covariance.col(k) = factor.solve(unit).tail(n);
-    }
-  } else {
-    solution.covariance.diagonal().setConstant(std::numeric_limits<double>::infinity());
-  }
-  return solution;
-}
-
-// The same reflector may have been begun twice, where the pose was not known well enough.
-void ReflectorSurvey::merge(Solution& solution) const {
-  for (std::size_t a = 0; a < solution.used.size(); ++a) {
-    for (std::size_t b = a + 1; b < solution.used.size(); ++b) {
-      const std::size_t j = solution.used[a], k = solution.used[b];
-      if (solution.same_as[j] != j || solution.same_as[k] != k) continue;
-      const Eigen::Vector2d off_m = solution.centers_m[j] - solution.centers_m[k];
-      if (off_m.norm() > params_.radius_m + params_.min_separation_m) continue;
-      const auto block = [&](std::size_t row, std::size_t col) -> Eigen::Matrix2d {
-        return solution.covariance.block<2, 2>(2 * static_cast<Eigen::Index>(row), 2 * static_cast<Eigen::Index>(col));
-      };
-      const Eigen::Matrix2d S =
-          block(a, a) + block(b, b) - block(a, b) - block(b, a) + 1e-6 * Eigen::Matrix2d::Identity();
-      if (off_m.dot(S.llt().solve(off_m)) > far_gate_) continue;
-      for (std::size_t& same : solution.same_as) {
-        if (same == k) same = j;
-      }
-    }
-  }
-}
 
 // Leaves out what is no reflector to localise by.
 void ReflectorSurvey::judge(Solution& solution) const {

@@ -13,8 +13,8 @@
 #include "situation_awareness/estimation/error_state_filter.hpp"
 #include "situation_awareness/geometry/pose2.hpp"
 #include "situation_awareness/pose/odometry_track.hpp"
-#include "situation_awareness/pose/reflector_localization.hpp"
 #include "situation_awareness/pose/reflector_map.hpp"
+#include "situation_awareness/pose/reflector_models.hpp"
 #include "situation_awareness/pose/reflectors.hpp"
 #include "situation_awareness/pose/repeated_beams.hpp"
 
@@ -167,6 +167,7 @@ class ReflectorSurvey {
   };
 
   struct Solution;
+  struct NormalEquations;
 
   void begin_key(const OdometryTrack::Entry& at);
   Eigen::MatrixXd error_of_own(const Pose2& T_world_base) const;
@@ -176,6 +177,9 @@ class ReflectorSurvey {
   double distance2(const Found& found, const Sighting& sighting) const;
   void start(const Sighting& sighting);
   void give_up_rare();
+  void add_way(std::size_t i, Solution& solution, NormalEquations& equations) const;
+  void add_sightings(std::size_t i, Solution& solution, NormalEquations& equations) const;
+  void linearise(Solution& solution, NormalEquations& equations) const;
   Solution adjust(const Solution& from) const;
   void merge(Solution& solution) const;
   void judge(Solution& solution) const;
