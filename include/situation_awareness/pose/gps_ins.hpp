@@ -154,11 +154,20 @@ class GpsIns {
     Eigen::Matrix<double, 6, 6> covariance;
   };
 
+  /// Up in the axes of the IMU's samples, and whether the vehicle stood or moved steadily.
+  struct Level {
+    Eigen::Vector3d up_imu;
+    bool is_steady;
+  };
+
   void add(const GpsInsMeasurement& measurement, const char* too_late, const char* ahead);
   void add_number(GpsInsSensor sensor, std::int64_t stamp_ns, double value, double sigma, const Number& number);
   /// Those of the estimate where it is ready, else those that it will start with.
   std::optional<Biases> known_biases() const;
   void process();
+  GpsInsMeasurement* first_fix();
+  std::optional<Level> level_at(GpsInsMeasurement& fix);
+  Estimate<GpsInsState> start_at(const GpsInsMeasurement& fix, bool is_steady) const;
   bool try_start();
   void align();
   void align_anew();
