@@ -22,7 +22,7 @@ constexpr std::size_t kMaxLeaves = 32;
 constexpr double kConfirmed_s = 5.0;
 /// What is seen within this distance of where it was seen before stands.
 constexpr double kStands_m = 0.1;
-/// Things that shine and are no reflectors that are remembered.
+/// Most things that shine and are no reflectors that are remembered.
 constexpr std::size_t kMaxStrangers = 64;
 
 inline double larger_eigenvalue(const Eigen::Matrix2d& P) {
