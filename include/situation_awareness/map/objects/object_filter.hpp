@@ -139,6 +139,8 @@ void update(ObjectEstimate& estimate, const Pose2& T_world_level, const Measurem
 void update(ObjectEstimate& estimate, const MeasuringFrame& level, const Measurement& measurement, const Match& match,
             const Eigen::Matrix3d& U);
 
+/// m. Lower bound of the radii. No test bounds it.
+constexpr double kMinRadius_m = 0.01;
 /// Keep both radii at or above `min_radius_m`.
 void bound_radii(Vector8d& x, double min_radius_m);
 

@@ -87,9 +87,6 @@ class ObjectMap {
   void resume(const MapSnapshot& snapshot);
 
  private:
-  /// m. Lower bound of the radii. No test bounds it.
-  static constexpr double kMinRadius_m = 0.01;
-
   enum class Advance { kRefused, kNoStep, kOneStep };
 
   /// An element that was not detected in this scan.
