@@ -467,16 +467,6 @@ class GridMap::Impl {
     observed.turned[cell] = seen.turned;
   }
 
-  /// Keeps the evidence of a cell on which the class is now seen for each error of the elevation.
-  static Evidence& begin_evidence(Observed& observed, std::size_t cell) {
-    observed.is_any_known = observed.has_evidence = true;
-    if (Evidence* const known = observed.find(cell)) return *known;
-    Evidence& evidence = observed.evidence.emplace_back();
-    observed.number_of[cell] = static_cast<std::uint16_t>(observed.evidence.size());
-    evidence.weight.fill(observed.nothing_weight[cell]);
-    return evidence;
-  }
-
   void add(Evidence& evidence, std::size_t offset, double weight, double sharp, double soft) const {
     evidence.sharp_sum[offset] += static_cast<float>(weight * sharp);
     evidence.soft_sum[offset] += static_cast<float>(weight * soft);
@@ -518,7 +508,7 @@ class GridMap::Impl {
                   GridUpdate& done) {
     const Eigen::Vector3d& foot = sight.foot;
     if (!columns_.read(reader, foot, up)) return false;
-    Evidence& evidence = begin_evidence(observed, sight.cell);
+    Evidence& evidence = observed.begin_evidence(sight.cell);
     const bool is_first = observed.images[sight.cell] == 0;
     bool any_added = false;
     const auto turned = static_cast<double>(sight.turn);

@@ -79,6 +79,15 @@ struct Observed {
   const Evidence* find(std::size_t cell) const {
     return number_of[cell] == 0 ? nullptr : &evidence[number_of[cell] - 1U];
   }
+  /// Keeps the evidence of a cell on which the class is now seen for each error of the elevation.
+  Evidence& begin_evidence(std::size_t cell) {
+    is_any_known = has_evidence = true;
+    if (Evidence* const known = find(cell)) return *known;
+    Evidence& begun = evidence.emplace_back();
+    number_of[cell] = static_cast<std::uint16_t>(evidence.size());
+    begun.weight.fill(nothing_weight[cell]);
+    return begun;
+  }
   Directions seen(std::size_t cell) const {
     return {Eigen::Vector3f(seen_x[cell], seen_y[cell], seen_z[cell]), turned[cell]};
   }
