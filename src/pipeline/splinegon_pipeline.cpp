@@ -222,14 +222,6 @@ const Splinegons& SplinegonPipeline::place_boundaries(std::int64_t stamp_ns) {
   return splinegons_;
 }
 
-const Polygons& SplinegonPipeline::polygons_in_world() {
-  polygons_in_world_ = polygons_;
-  for (Chain& chain : polygons_in_world_.chains) {
-    move_vertices(chain.vertices, alignment_.T_world_map(), common_variance_m2_);
-  }
-  return polygons_in_world_;
-}
-
 void SplinegonPipeline::reset() {
   chains_.reset();
   movers_.reset();

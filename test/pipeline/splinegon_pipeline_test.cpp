@@ -287,9 +287,11 @@ TEST(SplinegonPipelineFlights, ComesBackToWhatItMapped) {
       const Splinegon& boundary = pipeline.splinegons().boundaries[0];
       EXPECT_LT(hausdorff_m(boundary, flight.outline()), 0.4);
       // It is where its chain is.
-      for (const Chain& chain : pipeline.polygons_in_world().chains) {
+      for (const Chain& chain : pipeline.polygons().chains) {
         if (chain.id != boundary.id) continue;
-        for (const ChainVertex& vertex : chain.vertices) EXPECT_LT(distance_m(boundary, vertex.p_world_m), 0.15);
+        for (const ChainVertex& vertex : chain.vertices) {
+          EXPECT_LT(distance_m(boundary, pipeline.T_world_map() * vertex.p_world_m), 0.15);
+        }
       }
     }
   }

@@ -31,8 +31,6 @@ class MissionClock {
     return elapsed_ns_;
   }
 
-  std::int64_t elapsed_ns() const { return elapsed_ns_; }
-
  private:
   static constexpr std::int64_t kFollows = 5;  ///< of steps that are seldom: so many jumps apart two agree
 

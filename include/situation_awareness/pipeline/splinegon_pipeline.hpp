@@ -12,12 +12,12 @@
 #include "situation_awareness/map/objects/objects.hpp"
 #include "situation_awareness/map/polygons/polygon_map.hpp"
 #include "situation_awareness/map/splinegons/splinegon_map.hpp"
-#include "situation_awareness/registration/map_alignment.hpp"
 #include "situation_awareness/pipeline/moving_objects.hpp"
 #include "situation_awareness/pipeline/object_pipeline.hpp"
 #include "situation_awareness/pipeline/obstacle_boundaries.hpp"
 #include "situation_awareness/points/points.hpp"
 #include "situation_awareness/polylines/polyline_extraction.hpp"
+#include "situation_awareness/registration/map_alignment.hpp"
 #include "situation_awareness/scan/range_limiter.hpp"
 #include "situation_awareness/segments/segmentation.hpp"
 
@@ -104,12 +104,9 @@ class SplinegonPipeline {
   /// Of a place of the map in the world, in any direction.
   double common_variance_m2() const { return common_variance_m2_; }
 
-  /// In the frame of the map: the chains of boundaries and other things, and the polylines of the latest scan; and
-  /// where the map is in the world.
+  /// In the frame of the map: the chains of boundaries, which have their ids, and of other things, and the polylines of
+  /// the latest scan; and where the map is in the world.
   const Polygons& polygons() const { return polygons_; }
-  /// The same where they are in the world, small things included, with standard deviations that are absolute, as those
-  /// of the boundaries, which have the ids of their chains.
-  const Polygons& polygons_in_world();
   const Polylines& polylines() const { return polylines_; }
   /// Of the latest scan that was projected, limited to what is of interest.
   const Points& points() const { return points_; }
@@ -161,7 +158,7 @@ class SplinegonPipeline {
   Polylines polylines_;
   PolygonMapUpdate update_;
   double common_variance_m2_ = 0.0;
-  Polygons polygons_, polygons_in_world_;
+  Polygons polygons_;
   bool are_taken_ = true;  ///< boundaries, of all changes of the chains
   Splinegons splinegons_;
 };
