@@ -135,10 +135,10 @@ void fit(benchmark::State& state, std::vector<SplinegonElement> (*elements_of)(R
   Random random(1);
   const std::vector<SplinegonElement> before = elements_of(random), elements = elements_of(random);
   std::vector<SplinegonVertex> known, vertices;
-  if (warm) fit.fit(before, true, 0.0, known);
+  if (warm) fit.fit(before, true, known);
   for (auto _ : state) {
     vertices = known;
-    benchmark::DoNotOptimize(fit.fit(elements, true, 0.0, vertices));
+    benchmark::DoNotOptimize(fit.fit(elements, true, vertices));
   }
 }
 

@@ -243,11 +243,10 @@ void BiarcLeastSquares::factorize(double damping) {
   H_factor_.factorize();
 }
 
-int BiarcLeastSquares::iterate(int most) {
+void BiarcLeastSquares::iterate(int most) {
   double damping = 1e-4;
   double cost = build();
-  int steps = 0;
-  while (steps < most) {
+  for (int step = 0; step < most; ++step) {
     factorize(damping);
     delta_.head(unknowns_) = -g_.head(unknowns_);
     H_factor_.solve(delta_);
@@ -268,7 +267,6 @@ int BiarcLeastSquares::iterate(int most) {
       largest_m = std::max({largest_m, std::abs(across_m), 0.02 * std::abs(along_m)});
     }
     keep_order();
-    ++steps;
     swap_with_before();
     chain_.compute_arcs();
     chain_.assign_stepwise(elements_);
@@ -285,7 +283,6 @@ int BiarcLeastSquares::iterate(int most) {
     damping *= 0.2;
     if (largest_m < kNoChange_m) break;
   }
-  return steps;
 }
 
 void BiarcLeastSquares::find_covariance() {

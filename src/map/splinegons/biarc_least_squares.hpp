@@ -20,8 +20,8 @@ class BiarcLeastSquares {
   BiarcLeastSquares(const BoundaryElements& elements, const ExpectedJumps& jumps, BiarcChain& chain)
       : elements_(elements), jumps_(jumps), chain_(chain) {}
 
-  /// Levenberg-Marquardt, with the jumps that are expected; returns the number of steps.
-  int iterate(int most);
+  /// Levenberg-Marquardt of so many steps at most, with the jumps that are expected.
+  void iterate(int most);
 
   /// The covariance of the latest fit, which the variances below are of.
   void find_covariance();

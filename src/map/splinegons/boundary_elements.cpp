@@ -68,7 +68,7 @@ bool BoundaryElements::take(const std::vector<SplinegonElement>& elements) {
   }
   if (points_m.size() < kFewestElements) return false;
   // The distance from the line through both neighbours has 1.5 times the variance of an element.
-  raised = std::max(1.0, scratch_.empty() ? 1.0 : median() / (kMedianSigmas * std::sqrt(1.5)));
+  const double raised = std::max(1.0, scratch_.empty() ? 1.0 : median() / (kMedianSigmas * std::sqrt(1.5)));
   for (double& weight : weights) weight /= raised;
   s_m.clear();
   gaps.clear();

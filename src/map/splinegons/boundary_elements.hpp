@@ -36,7 +36,6 @@ class BoundaryElements {
   std::vector<double> weights;  ///< one over their standard deviations
   std::vector<double> s_m;      ///< along the polygon of the elements
   double perimeter_m = 0.0;     ///< of that polygon
-  double raised = 1.0;          ///< factor of the standard deviations
   std::vector<Gap> gaps;
 
  private:

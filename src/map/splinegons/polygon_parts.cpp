@@ -151,8 +151,7 @@ bool PolygonParts::cut_beside() {
   return is_done;
 }
 
-void PolygonParts::append(std::size_t biarc, std::size_t count, double common_variance_m2,
-                          std::vector<SplinegonVertex>& vertices) {
+void PolygonParts::append(std::size_t biarc, std::size_t count, std::vector<SplinegonVertex>& vertices) {
   corners_m_.clear();
   const bool is_begin = !elements_.closed && biarc == 0, is_end = !elements_.closed && biarc + count == chain_.biarcs();
   const bool is_whole = elements_.closed && count == chain_.biarcs();
@@ -174,11 +173,10 @@ void PolygonParts::append(std::size_t biarc, std::size_t count, double common_va
     add(end_m, kPolygonOffset_m);
   }
   if (!is_begin && !is_whole) vertices.pop_back();
-  append_corners(is_end, is_whole, common_variance_m2, vertices);
+  append_corners(is_end, is_whole, vertices);
 }
 
-void PolygonParts::append_corners(bool is_end, bool is_whole, double common_variance_m2,
-                                  std::vector<SplinegonVertex>& vertices) {
+void PolygonParts::append_corners(bool is_end, bool is_whole, std::vector<SplinegonVertex>& vertices) {
   if (corners_m_.size() < 2) return;
   kept_.assign(1, 0);
   simplification_.add(
@@ -188,8 +186,7 @@ void PolygonParts::append_corners(bool is_end, bool is_whole, double common_vari
     const PolygonCorner& corner = corners_m_[kept_[k]];
     const bool is_last = k + 1 == kept_.size();
     if (is_last && !is_end && !is_whole) break;
-    const double variance_m2 =
-        corner.sigma_m * corner.sigma_m + kPolygonOffset_m * kPolygonOffset_m + common_variance_m2;
+    const double variance_m2 = corner.sigma_m * corner.sigma_m + kPolygonOffset_m * kPolygonOffset_m;
     vertices.push_back({corner.p_m + elements_.origin_m, 0.0, std::sqrt(variance_m2), true});
     if (is_last && is_end) break;
     const Eigen::Vector2d to_m = corners_m_[kept_[is_last ? 0 : k + 1]].p_m;

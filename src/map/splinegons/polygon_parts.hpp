@@ -34,13 +34,13 @@ class PolygonParts {
 
   /// Appends the polygon of the elements of some biarcs in a row but for its last vertex, which is the begin of what is
   /// after them.
-  void append(std::size_t biarc, std::size_t count, double common_variance_m2, std::vector<SplinegonVertex>& vertices);
+  void append(std::size_t biarc, std::size_t count, std::vector<SplinegonVertex>& vertices);
 
   /// Appends the polygon of these places.
   void clear_corners() { corners_m_.clear(); }
   void add_corner(const Eigen::Vector2d& p_m, double sigma_m) { corners_m_.push_back({p_m, sigma_m}); }
   /// Simplified: with the last corner as the end of an open boundary, around a closed one, or up to it.
-  void append_corners(bool is_end, bool is_whole, double common_variance_m2, std::vector<SplinegonVertex>& vertices);
+  void append_corners(bool is_end, bool is_whole, std::vector<SplinegonVertex>& vertices);
 
  private:
   /// Elements in a row.

@@ -46,17 +46,16 @@ class SplinegonFit::Impl {
         least_squares_(elements_, jumps_, chain_),
         polygons_(elements_, chain_) {}
 
-  SplinegonFitQuality fit(const std::vector<SplinegonElement>& elements, bool closed, double common_variance_m2,
+  SplinegonFitQuality fit(const std::vector<SplinegonElement>& elements, bool closed,
                           std::vector<SplinegonVertex>& vertices, bool follow_tips);
-  void fit_polygon(const std::vector<SplinegonElement>& elements, bool closed, double common_variance_m2,
-                   std::vector<SplinegonVertex>& vertices);
+  void fit_polygon(const std::vector<SplinegonElement>& elements, bool closed, std::vector<SplinegonVertex>& vertices);
 
  private:
   void remove_if_degenerate(std::vector<SplinegonVertex>& vertices) const;
   double chi2_per_freedom() const;
   double correlation_factor() const;
   void measure_gaps();
-  void write(double common_variance_m2, double scale, std::vector<SplinegonVertex>& vertices);
+  void write(double scale, std::vector<SplinegonVertex>& vertices);
 
   BoundaryElements elements_;
   CornerSearch corners_;
@@ -69,8 +68,7 @@ class SplinegonFit::Impl {
 };
 
 SplinegonFitQuality SplinegonFit::Impl::fit(const std::vector<SplinegonElement>& elements, bool closed,
-                                            double common_variance_m2, std::vector<SplinegonVertex>& vertices,
-                                            bool follow_tips) {
+                                            std::vector<SplinegonVertex>& vertices, bool follow_tips) {
   SplinegonFitQuality quality;
   elements_.closed = chain_.closed = closed;
   elements_.follow_tips = follow_tips;
@@ -82,37 +80,35 @@ SplinegonFitQuality SplinegonFit::Impl::fit(const std::vector<SplinegonElement>&
   quality.warm = vertices_.place_on_earlier(vertices);
   if (quality.warm) {
     jumps_.expect(false);
-    quality.iterations += least_squares_.iterate(4);
+    least_squares_.iterate(4);
     if (chi2_per_freedom() > 2.0) quality.warm = false;
   }
   if (!quality.warm) {
     vertices_.place_on_elements();
     jumps_.expect(true);
-    quality.iterations += least_squares_.iterate(4);
+    least_squares_.iterate(4);
     for (int round = 0; round < 2; ++round) {
       vertices_.place_again();
       jumps_.expect(false);
-      quality.iterations += least_squares_.iterate(4);
+      least_squares_.iterate(4);
       if (chain_.nodes.size() > vertices_.wanted_nodes()) break;  // they stay where arcs end
     }
   }
   vertices_.place_again();
   jumps_.expect(false);
-  quality.iterations += least_squares_.iterate(6);
+  least_squares_.iterate(6);
   for (int round = 0; round < kMostRounds && vertices_.part_misfits(); ++round) {
     jumps_.expect(false);
-    quality.iterations += least_squares_.iterate(6);
+    least_squares_.iterate(6);
   }
-  const double chi2 = chi2_per_freedom();
-  quality.chi2_per_freedom = chi2 * elements_.raised * elements_.raised;
-  write(common_variance_m2, std::max(1.0, chi2) * correlation_factor(), vertices);
+  write(std::max(1.0, chi2_per_freedom()) * correlation_factor(), vertices);
   remove_if_degenerate(vertices);
   quality.as_polygon = static_cast<int>(polygons_.count());
   return quality;
 }
 
 void SplinegonFit::Impl::fit_polygon(const std::vector<SplinegonElement>& elements, bool closed,
-                                     double common_variance_m2, std::vector<SplinegonVertex>& vertices) {
+                                     std::vector<SplinegonVertex>& vertices) {
   elements_.closed = closed;
   vertices.clear();
   polygons_.clear_corners();
@@ -126,7 +122,7 @@ void SplinegonFit::Impl::fit_polygon(const std::vector<SplinegonElement>& elemen
       polygons_.add_corner(element.p_world_m - elements_.origin_m, std::sqrt(element.variance_m2));
     }
   }
-  polygons_.append_corners(!closed, closed, common_variance_m2, vertices);
+  polygons_.append_corners(!closed, closed, vertices);
   remove_if_degenerate(vertices);
 }
 
@@ -181,7 +177,7 @@ double SplinegonFit::Impl::chi2_per_freedom() const {
   return sum / std::max(elements - jumps_.parameters(), elements / 3.0);
 }
 
-void SplinegonFit::Impl::write(double common_variance_m2, double scale, std::vector<SplinegonVertex>& vertices) {
+void SplinegonFit::Impl::write(double scale, std::vector<SplinegonVertex>& vertices) {
   least_squares_.find_covariance();
   chain_.assign_nearest(elements_);  // stepwise, elements are behind where a main vertex has moved far
   chain_.compute_residuals(elements_);
@@ -215,7 +211,7 @@ void SplinegonFit::Impl::write(double common_variance_m2, double scale, std::vec
     const double of_model_m2 = 0.5 * (before_m2 + after_m2);
     SplinegonVertex vertex;
     vertex.p_world_m = (has_out ? polygons_.begin_of(k) : node.p_m) + elements_.origin_m;
-    vertex.sigma_m = std::sqrt(of_fit_m2 + of_model_m2 + common_variance_m2);
+    vertex.sigma_m = std::sqrt(of_fit_m2 + of_model_m2);
     vertex.corner = node.corner;
     if (has_out) {
       const BiarcChain::Arc& first = chain_.arcs[2 * k];
@@ -235,14 +231,14 @@ void SplinegonFit::Impl::write(double common_variance_m2, double scale, std::vec
                                           second.curvature_1pm * second.length_m);
     const double over_gap_m = gap_m * (kGapSigma * mean_curvature_1pm * gap_m +
                                        kGapCorner * std::tan(0.5 * std::min(turn_over_rad, 0.5 * kPi)));
-    joint.sigma_m = std::sqrt(joint_m2 + after_m2 + over_gap_m * over_gap_m + common_variance_m2);
+    joint.sigma_m = std::sqrt(joint_m2 + after_m2 + over_gap_m * over_gap_m);
     return joint;
   };
   const std::size_t count = chain_.biarcs();
   std::size_t start = 0;
   while (elements_.closed && start < count && polygons_.contains((start + count - 1) % count)) ++start;
   vertices.clear();
-  if (start == count) return polygons_.append(0, count, common_variance_m2, vertices);
+  if (start == count) return polygons_.append(0, count, vertices);
   for (std::size_t done = 0; done < count;) {
     const std::size_t k = (start + done) % count;
     std::size_t run = 0;
@@ -250,7 +246,7 @@ void SplinegonFit::Impl::write(double common_variance_m2, double scale, std::vec
     if (run > 0) {
       const SplinegonVertex begin = node_vertex(k);
       if (elements_.closed || done > 0) vertices.push_back(begin);
-      polygons_.append(k, run, common_variance_m2, vertices);
+      polygons_.append(k, run, vertices);
       done += run;
       continue;
     }
@@ -268,13 +264,12 @@ SplinegonFit::SplinegonFit(SplinegonFit&&) noexcept = default;
 SplinegonFit& SplinegonFit::operator=(SplinegonFit&&) noexcept = default;
 
 SplinegonFitQuality SplinegonFit::fit(const std::vector<SplinegonElement>& elements, bool closed,
-                                      double common_variance_m2, std::vector<SplinegonVertex>& vertices,
-                                      bool follow_tips) {
-  return impl_->fit(elements, closed, common_variance_m2, vertices, follow_tips);
+                                      std::vector<SplinegonVertex>& vertices, bool follow_tips) {
+  return impl_->fit(elements, closed, vertices, follow_tips);
 }
-void SplinegonFit::fit_polygon(const std::vector<SplinegonElement>& elements, bool closed, double common_variance_m2,
+void SplinegonFit::fit_polygon(const std::vector<SplinegonElement>& elements, bool closed,
                                std::vector<SplinegonVertex>& vertices) {
-  impl_->fit_polygon(elements, closed, common_variance_m2, vertices);
+  impl_->fit_polygon(elements, closed, vertices);
 }
 
 }  // namespace situation_awareness

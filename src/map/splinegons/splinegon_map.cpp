@@ -133,7 +133,7 @@ SplinegonMap::Fit SplinegonMap::fit(const ObstacleBoundary& boundary, std::int64
   }
   result.last_seen_ns = boundary.last_seen_ns;
   const auto is_sound_fit = [&](bool follow_tips) {
-    const SplinegonFitQuality quality = fit_.fit(boundary.elements, boundary.closed, 0.0, result.vertices, follow_tips);
+    const SplinegonFitQuality quality = fit_.fit(boundary.elements, boundary.closed, result.vertices, follow_tips);
     fit.outcome = quality.as_polygon > 0 ? Outcome::kPolygon : Outcome::kArcs;
     if (is_sound(result, boundary.elements)) return true;
     result.vertices.clear();
@@ -152,7 +152,7 @@ SplinegonMap::Fit SplinegonMap::fit(const ObstacleBoundary& boundary, std::int64
     if (is_sound_fit(false)) return fit;
   }
   fit.outcome = Outcome::kPolygon;
-  fit_.fit_polygon(boundary.elements, boundary.closed, 0.0, result.vertices);
+  fit_.fit_polygon(boundary.elements, boundary.closed, result.vertices);
   if (is_sound(result, boundary.elements)) return fit;
   if (is_known) {
     stay();
@@ -172,7 +172,7 @@ void SplinegonMap::fit_part(const std::vector<SplinegonElement>& elements, Splin
         return elements.begin() + static_cast<std::ptrdiff_t>(i * elements.size() / parts);
       };
       part_.assign(at(part), at(part + 1));
-      fit_.fit_polygon(part_, false, 0.0, result.vertices);
+      fit_.fit_polygon(part_, false, result.vertices);
       if (is_sound(result, part_)) return;
     }
   }

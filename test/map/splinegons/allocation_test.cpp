@@ -35,7 +35,7 @@ TEST(Allocation, NoneForSplinegonsAfterWarmUp) {
     const std::int64_t before = allocations().count;
     for (Boundary& boundary : boundaries) {
       if (round % 2 == 0) boundary.vertices.clear();
-      fit.fit(boundary.elements, boundary.closed, 1e-4, boundary.vertices);
+      fit.fit(boundary.elements, boundary.closed, boundary.vertices);
     }
     asked = allocations().count - before;
   }

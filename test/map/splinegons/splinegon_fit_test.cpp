@@ -19,13 +19,12 @@
 namespace situation_awareness::splinegon_fit_test {
 namespace {
 
-Splinegon fitted(const std::vector<SplinegonElement>& elements, bool closed, int vertices = 16,
-                 double common_variance_m2 = 0.0) {
+Splinegon fitted(const std::vector<SplinegonElement>& elements, bool closed, int vertices = 16) {
   SplinegonFitParams params;
   params.vertices = vertices;
   Splinegon splinegon;
   splinegon.closed = closed;
-  SplinegonFit(params).fit(elements, closed, common_variance_m2, splinegon.vertices);
+  SplinegonFit(params).fit(elements, closed, splinegon.vertices);
   return splinegon;
 }
 
@@ -223,7 +222,7 @@ TEST(SplinegonFit, HasNoMoreVerticesThanItTakes) {
     Random random(13);
     SplinegonFit fit{SplinegonFitParams()};
     std::vector<SplinegonVertex> vertices;
-    for (int scan = 0; scan < 20; ++scan) fit.fit(elements_of(outline, 0.15, 0.01, random), true, 0.0, vertices);
+    for (int scan = 0; scan < 20; ++scan) fit.fit(elements_of(outline, 0.15, 0.01, random), true, vertices);
     EXPECT_EQ(vertices.size(), 32U) << outline.name;
   }
 }
@@ -242,7 +241,7 @@ TEST(SplinegonFit, TellsWhatArcsDoNotFollow) {
     Splinegon splinegon;
     splinegon.closed = true;
     SplinegonFit fit{SplinegonFitParams()};
-    fit.fit(elements_of(outline, 0.15, 0.01, random), true, 0.0, splinegon.vertices);
+    fit.fit(elements_of(outline, 0.15, 0.01, random), true, splinegon.vertices);
     OfWall of_wall;
     of_wall.add(outline, splinegon);
     EXPECT_GT(of_wall.inside / of_wall.places, 0.95) << tooth_m;
@@ -259,7 +258,7 @@ double cost_s(const Outline& outline) {
   for (int round = 0; round < 3; ++round) {
     Splinegon splinegon;
     const std::clock_t begin = std::clock();
-    fit.fit(elements, false, 0.0, splinegon.vertices);
+    fit.fit(elements, false, splinegon.vertices);
     is_simple(splinegon);
     least_s = std::min(least_s, static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC);
   }
@@ -286,7 +285,7 @@ TEST(SplinegonFit, GrowsWithItsElements) {
       Splinegon splinegon;
       for (std::size_t n = 12; n <= all.size(); n += 6) {
         const std::vector<SplinegonElement> seen(all.begin(), all.begin() + static_cast<std::ptrdiff_t>(n));
-        fit.fit(seen, false, 0.0, splinegon.vertices);
+        fit.fit(seen, false, splinegon.vertices);
         EXPECT_TRUE(is_simple(splinegon));
         double farthest_m = 0.0;
         for (const SplinegonPoint& point : sampled(splinegon, 0.1)) {
@@ -321,30 +320,20 @@ TEST(SplinegonFit, OpenStaysOpenAndEndsWithItsElements) {
   }
 }
 
-TEST(SplinegonFit, TheCommonErrorIsAdded) {
-  Random random(5);
-  const std::vector<SplinegonElement> elements = elements_of(ellipse_outline(), 0.15, 0.01, random);
-  const Splinegon without = fitted(elements, true), with = fitted(elements, true, 16, 0.09);
-  for (std::size_t k = 0; k < without.vertices.size(); ++k) {
-    EXPECT_EQ(without.vertices[k].p_world_m, with.vertices[k].p_world_m);
-    EXPECT_NEAR(with.vertices[k].sigma_m, std::hypot(without.vertices[k].sigma_m, 0.3), 1e-12);
-  }
-}
-
 TEST(SplinegonFit, BeginsWithTheFitBefore) {
   for (const Outline& outline : smooth_outlines()) {
     Random random(6);
     SplinegonFit fit{SplinegonFitParams()};
     Splinegon splinegon;
     splinegon.closed = true;
-    EXPECT_FALSE(fit.fit(elements_of(outline, 0.15, 0.01, random), true, 0.0, splinegon.vertices).warm);
+    EXPECT_FALSE(fit.fit(elements_of(outline, 0.15, 0.01, random), true, splinegon.vertices).warm);
     std::vector<SplinegonElement> later = elements_of(outline, 0.15, 0.01, random);
     std::rotate(later.begin(), later.begin() + 100, later.end());  // the elements may begin anywhere
-    EXPECT_TRUE(fit.fit(later, true, 0.0, splinegon.vertices).warm);
+    EXPECT_TRUE(fit.fit(later, true, splinegon.vertices).warm);
     EXPECT_LT(hausdorff_m(outline, splinegon), 0.025) << outline.name;
     // That of another boundary is of no use.
     for (SplinegonElement& element : later) element.p_world_m.x() += 20.0;
-    EXPECT_FALSE(fit.fit(later, true, 0.0, splinegon.vertices).warm);
+    EXPECT_FALSE(fit.fit(later, true, splinegon.vertices).warm);
   }
 }
 
@@ -369,7 +358,7 @@ TEST(SplinegonFit, OfDisorderThereIsNothingInvalid) {
     for (SplinegonElement& element : elements) {
       element = {{std::round(3.0 * random.normal()), height_m * random.normal()}, {0.0, 1.0}, 1e-4};
     }
-    fit.fit(elements, closed, 1e-4, vertices);
+    fit.fit(elements, closed, vertices);
     for (std::size_t k = 0; k < vertices.size(); ++k) {
       EXPECT_TRUE(vertices[k].p_world_m.allFinite() && std::isfinite(vertices[k].bulge));
       EXPECT_GT(vertices[k].sigma_m, 0.0);

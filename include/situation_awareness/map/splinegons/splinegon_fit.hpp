@@ -35,8 +35,6 @@ struct SplinegonFitParams {
 
 /// How well a boundary's elements were met.
 struct SplinegonFitQuality {
-  double chi2_per_freedom = 0.0;  ///< 1 if the elements' variances and the model are right
-  int iterations = 0;
   int as_polygon = 0;  ///< biarcs that do not follow the elements, where the polygon of these is given
   bool warm = false;   ///< began with the fit before
 };
@@ -55,18 +53,16 @@ class SplinegonFit {
   SplinegonFit& operator=(SplinegonFit&&) noexcept;
 
   /// Fits the elements, in order and counter-clockwise around the obstacle, some 0.05 to 0.5 m apart; there may be
-  /// gaps. `common_variance_m2` is that of an error that all elements share, across the boundary. `vertices` holds an
-  /// earlier fit of this boundary, from which a fit begins if it still holds, or nothing; it is overwritten with the
-  /// new one as Splinegon has it. With fewer than 6 elements, or if they extend over less than 0.2 m, it is empty
-  /// afterwards. Without `follow_tips` two neighbours that are off are left out as outliers are: where elements are in
-  /// disorder the boundary would cross itself.
-  SplinegonFitQuality fit(const std::vector<SplinegonElement>& elements, bool closed, double common_variance_m2,
+  /// gaps. `vertices` holds an earlier fit of this boundary, from which a fit begins if it still holds, or nothing; it
+  /// is overwritten with the new one as Splinegon has it. With fewer than 6 elements, or if they extend over less than
+  /// 0.2 m, it is empty afterwards. Without `follow_tips` two neighbours that are off are left out as outliers are:
+  /// where elements are in disorder the boundary would cross itself.
+  SplinegonFitQuality fit(const std::vector<SplinegonElement>& elements, bool closed,
                           std::vector<SplinegonVertex>& vertices, bool follow_tips = true);
 
   /// The polygon of the elements instead, as a splinegon of straight arcs, simplified by 2 cm, which its standard
   /// deviations include. It is empty of fewer than 3 places.
-  void fit_polygon(const std::vector<SplinegonElement>& elements, bool closed, double common_variance_m2,
-                   std::vector<SplinegonVertex>& vertices);
+  void fit_polygon(const std::vector<SplinegonElement>& elements, bool closed, std::vector<SplinegonVertex>& vertices);
 
  private:
   class Impl;
