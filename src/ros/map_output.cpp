@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -120,36 +121,30 @@ bool MapOutput::is_next(StampOrder::Verdict verdict) {
 
 void MapOutput::publish(const MapDelta& delta) {
   const std::int64_t now_ns = steady_now_ns();
-  const bool is_whole_due = whole_limit_.passes(now_ns) || delta.full;
-  const bool is_followed = updates_publisher_.getNumSubscribers() > 0;
-  const bool is_repair_due = is_followed && repair_limit_.passes(now_ns);
-  MapUpdate all;
-  if (is_whole_due || is_repair_due) {
-    const MapDelta map = pipeline_.whole();
-    count(map.changed);
-    all = map_delta_to_msg(map, uuid_, world_frame_);
+  std::optional<MapUpdate> all;  // made once, for all to whom it is due
+  const auto whole_once = [&]() -> const MapUpdate& { return all ? *all : all.emplace(whole()); };
+  // A whole map says what is gone by leaving it out, and why, as the changes do.
+  const auto publish_changes = [&](const ros::Publisher& publisher, const MapDelta& changes, bool is_repair) {
+    MapUpdate update = is_repair ? whole_once() : map_delta_to_msg(changes, uuid_, world_frame_);
+    if (is_repair) update.gone = gone_to_msg(changes.gone);
+    publish_(publisher, std::move(update));
+  };
+  if (whole_limit_.passes(now_ns) || delta.full) publish_(whole_publisher_, whole_once());
+  if (updates_publisher_.getNumSubscribers() > 0) {
+    publish_changes(updates_publisher_, delta, repair_limit_.passes(now_ns));
   }
-  if (is_whole_due) publish_(whole_publisher_, all);
-  if (is_repair_due) {
-    all.gone = gone_to_msg(delta.gone);
-    publish_(updates_publisher_, std::move(all));
-  } else if (is_followed) {
-    publish_(updates_publisher_, map_delta_to_msg(delta, uuid_, world_frame_));
+  if (downlink_publisher_.getNumSubscribers() == 0) {
+    pending_.clear();
+  } else {
+    pending_.add(delta);
+    if (downlink_limit_.passes(now_ns)) {
+      publish_changes(downlink_publisher_, pending_.take(), downlink_repair_limit_.passes(now_ns));
+    }
   }
-  publish_downlink(delta, now_ns);
   if (markers_publisher_.getNumSubscribers() > 0) {
     markers_publisher_.publish(
         boost::make_shared<const visualization_msgs::MarkerArray>(markers_.update(pipeline_.map(), world_frame_)));
   }
-}
-
-void MapOutput::publish_downlink(const MapDelta& delta, std::int64_t now_ns) {
-  if (downlink_publisher_.getNumSubscribers() == 0) return pending_.clear();
-  pending_.add(delta);
-  if (!downlink_limit_.passes(now_ns)) return;
-  const MapDelta changes = pending_.take();
-  const bool is_whole = changes.full || downlink_repair_limit_.passes(now_ns);
-  publish_(downlink_publisher_, is_whole ? whole() : map_delta_to_msg(changes, uuid_, world_frame_));
 }
 
 /// Another map with another UUID.
@@ -158,7 +153,11 @@ void MapOutput::begin_anew() {
   uuid_ = new_uuid();
 }
 
-MapUpdate MapOutput::whole() const { return map_delta_to_msg(pipeline_.whole(), uuid_, world_frame_); }
+MapUpdate MapOutput::whole() {
+  const MapDelta map = pipeline_.whole();
+  count(map.changed);
+  return map_delta_to_msg(map, uuid_, world_frame_);
+}
 
 void MapOutput::count(const std::vector<Feature>& features) {
   counts_ = {{"moving", 0}, {"ellipse", 0}, {"box", 0}, {"polyline", 0}, {"boundary", 0}, {"target", 0}};

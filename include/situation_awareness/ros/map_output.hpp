@@ -2,7 +2,6 @@
 #pragma once
 
 #include <cstddef>
-#include <cstdint>
 #include <functional>
 #include <map>
 #include <string>
@@ -60,8 +59,7 @@ class MapOutput {
   std::string pause(bool paused);
   std::string save(const std::string& file) const;
   std::string load(const std::string& file);
-  MapUpdate whole() const;
-  void publish_downlink(const MapDelta& delta, std::int64_t now_ns);
+  MapUpdate whole();
   void count(const std::vector<Feature>& features);
   void report(StageDiagnostics::Status& status) const;
 
