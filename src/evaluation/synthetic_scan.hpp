@@ -78,7 +78,7 @@ struct Thing {
 
 double range_to(const Thing& thing, double azimuth_rad);
 
-/// Of its ends from the sensor.
+/// The azimuths of the ends of a thing, seen from the sensor.
 std::pair<double, double> azimuths_of(const Thing& thing);
 
 bool within_range(const Ellipse& ellipse, double max_range_m);

@@ -17,7 +17,7 @@ class WalkerMotion {
 
   Eigen::Vector2d center_m() const { return walker_.from_m + way_m_ * direction(); }
 
-  /// To a tick later.
+  /// Moves the walker on to the next tick.
   void advance(double time_s, const Pose2& T_world_base, double vehicle_m_s, const Footprint& footprint);
 
   /// Distance to its legs along a ray; infinite where there is none.

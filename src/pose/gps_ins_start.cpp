@@ -21,9 +21,10 @@ using namespace navigation_error;
 constexpr double kMaxTilt_rad = 0.5;
 /// s. Roll and pitch are taken from gravity without standing or flying level after this time.
 constexpr double kLevelWait_s = 5.0;
-/// Of the variance of a fix, that of errors that are correlated in time, until it is learnt; the rest is white.
+/// The part of the variance of a fix that is of errors which are correlated in time, until it is learnt; the rest is
+/// white.
 constexpr double kFixCorrelatedShare = 0.5;
-/// s. Time after which 1/e of them is left, until it is learnt.
+/// s. Time after which 1/e of those errors is left, until it is learnt.
 constexpr double kFixCorrelation_s = 20.0;
 
 /// rad. Standard deviation of each yaw that is tried: a third more than that of its part of the turn.

@@ -9,8 +9,8 @@
 // Common to the sources of ReflectorLocalization.
 namespace situation_awareness {
 
-/// m. Standard deviation of a reflector's place about that of its sighting, apart from the scanner's errors. Its source is
-/// not recorded, nor its sensitivity.
+/// m. Standard deviation of a reflector's place about that of its sighting, apart from the scanner's errors. Its source
+/// is not recorded, nor its sensitivity.
 constexpr double kModelSigma_m = 0.001;
 
 /// A correction is linearised anew where it exceeds this, in m and rad.

@@ -25,7 +25,7 @@ struct ReflectorSurvey::Solution {
   Eigen::MatrixXd covariance;     ///< of the centres of those used
 };
 
-/// Of a sighting, against the place where it should be.
+/// The residual of a sighting, against the place where it should be.
 Eigen::Vector2d residual_of(const Eigen::Vector2d& z, const Pose2& T_world_base, const Pose2& T_base_lidar,
                             const Eigen::Vector2d& center_world_m);
 /// Jacobian of that place by the centre of the reflector.

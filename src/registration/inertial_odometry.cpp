@@ -12,8 +12,8 @@
 namespace situation_awareness {
 namespace {
 
-/// Time after which fixes are not placed any more, and for which they are kept.
-constexpr double kLatestFix_s = 2.0, kFixesKept_s = 30.0;
+/// s. Time for which fixes are kept that cannot be placed yet.
+constexpr double kFixesKept_s = 30.0;
 /// In `odom` biases and tilt are those of the filter when the pose became ready, followed back to where `odom` begins,
 /// and follow the filter from then on with this time constant: what a fix changes in them shows up slowly, and errors
 /// of them are nearly constant, so that the map tells them.
@@ -99,7 +99,7 @@ std::optional<InertialOdometry::Pose> InertialOdometry::add(const GpsInsPose& po
   return odom_.back();
 }
 
-/// By the gyroscope; biases and tilt follow those of the filter.
+/// Turns the base by the gyroscope; biases and tilt follow those of the filter.
 void InertialOdometry::turn(const GpsInsPose& pose, double step_s) {
   if (!known_.empty()) {
     const double part = pose.stamp_ns > ready_since_ns_ ? std::min(step_s / kFollow_s, 1.0) : 0.0;
@@ -114,7 +114,7 @@ void InertialOdometry::turn(const GpsInsPose& pose, double step_s) {
   rate_base_rad_s_ = measured_rate_rad_s(pose) - gyroscope_bias_rad_s_;
 }
 
-/// By the accelerometer. Returns the pose in `odom`.
+/// Moves the base by the accelerometer. Returns its pose in `odom`.
 Eigen::Isometry3d InertialOdometry::move(const GpsInsPose& pose, double step_s) {
   const Eigen::Vector3d force_m_s2 = pose.specific_force_base_m_s2 + pose.accelerometer_bias_m_s2;
   const Eigen::Vector3d a_odom_m_s2 =

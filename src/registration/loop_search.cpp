@@ -60,8 +60,7 @@ std::optional<LoopSearch::Sight> LoopSearch::meet(const PolygonMap& map, const P
     const BoundaryElement& element = met->element;
     const Eigen::Vector2d normal_map(-element.along_world.y(), element.along_world.x());
     const double residual_m = normal_map.dot(element.p_world_m - p_map_m);
-    const double weight =
-        kIndependentPart / (squared(hit.sigma_m) + element.variance_m2 + squared(hit_sigma_m_));
+    const double weight = kIndependentPart / (squared(hit.sigma_m) + element.variance_m2 + squared(hit_sigma_m_));
     Eigen::Vector3d J;
     J << normal_map, normal_map.dot(left_of(p_map_m - center_m));
     sight.information += weight * J * J.transpose();

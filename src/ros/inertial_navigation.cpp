@@ -15,8 +15,6 @@ namespace {
 
 /// Time for which it is kept what was known, where nothing asks for it: no scan waits longer.
 constexpr double kKnownFor_s = 2.0 * InertialNavigation::kBacklog_s;
-/// Time after which a fix is not used any more.
-constexpr double kLatestFix_s = 2.0;
 /// Fixes and samples that wait until it is known where the sensors are: of 30 s at 20 Hz and 400 Hz.
 constexpr std::size_t kMostFixes = 600, kMostSamples = 12000;
 
@@ -78,7 +76,7 @@ void InertialNavigation::add_fix(const sensor_msgs::NavSatFix& msg, std::int64_t
   if (waiting_fixes_.size() > kMostFixes) waiting_fixes_.pop_front();
   if (const GpsIns* const filter = input_.filter()) {
     const double age_s = seconds_between(to_nanoseconds(msg.header.stamp), filter->stamp_ns());
-    if (age_s >= kPatience_s && age_s < kLatestFix_s) ++late_fixes_;
+    if (age_s >= kPatience_s && age_s < InertialOdometry::kLatestFix_s) ++late_fixes_;
     use_fixes();
   }
 }
@@ -92,7 +90,8 @@ void InertialNavigation::use_fixes() {
   for (; !waiting_fixes_.empty() && age_s(waiting_fixes_.front()) >= kPatience_s; waiting_fixes_.pop_front()) {
     use_fix(waiting_fixes_.front());
   }
-  for (; !waiting_fixes_.empty() && age_s(waiting_fixes_.back()) < -kLatestFix_s; waiting_fixes_.pop_back()) {
+  for (; !waiting_fixes_.empty() && age_s(waiting_fixes_.back()) < -InertialOdometry::kLatestFix_s;
+       waiting_fixes_.pop_back()) {
     use_fix(waiting_fixes_.back());
   }
 }

@@ -121,7 +121,7 @@ TEST(ObjectPipelineParams, AllRespectTheirBounds) {
       EXPECT_FALSE(has_fact(message, text_of(*parameter.bounds, parameter.unit))) << message;
     }
   }
-  EXPECT_GT(numbers, 30);
+  EXPECT_GT(numbers, 36);
 }
 
 /// Each parameter set to something else than its default is written and read as that, and nothing else changes.

@@ -32,8 +32,8 @@ class StampOrder {
   /// receipts.
   static constexpr double kPeriods = 2.5;
   static constexpr double kLeast_s = 0.1;
-  /// s. A stamp that goes back by more is of another time, as of a bag that loops; by less it is out of order. No source
-  /// is recorded, and its sensitivity was not measured.
+  /// s. A stamp that goes back by more is of another time, as of a bag that loops; by less it is out of order. No
+  /// source is recorded, and its sensitivity was not measured.
   static constexpr double kResetTimeJump_s = 1.0;
 
   enum class Verdict {

@@ -58,7 +58,7 @@ struct ScoutingParams {
   int changes = 150;
 
   // Constants of the method, which are not read from YAML.
-  /// Of the random numbers: the same one gives the same mission.
+  /// The seed of the random numbers: the same one gives the same mission.
   int seed = 1;
 
   template <class Self, class Visit>

@@ -104,8 +104,8 @@ class SplinegonPipeline {
   /// Of a place of the map in the world, in any direction.
   double common_variance_m2() const { return common_variance_m2_; }
 
-  /// In the frame of the map: the chains of boundaries, which have their ids, and of other things, and the polylines of
-  /// the latest scan; and where the map is in the world.
+  /// The chains of boundaries, which have their ids, and of other things, and the polylines of the latest scan, both in
+  /// the frame of the map; T_world_map() is where that is in the world.
   const Polygons& polygons() const { return polygons_; }
   const Polylines& polylines() const { return polylines_; }
   /// Of the latest scan that was projected, limited to what is of interest.

@@ -23,7 +23,7 @@ struct WorldPose {
   Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Zero();
 };
 
-/// Of the pose's x, y (m) and yaw (rad) in the axes of the world.
+/// The covariance of the pose's x, y (m) and yaw (rad) in the axes of the world.
 Eigen::Matrix3d planar_covariance(const WorldPose& pose);
 
 /// The pose of the base in a frame `odom` by gyroscopes and accelerations: it drifts, and does not jump where a fix
@@ -31,6 +31,9 @@ Eigen::Matrix3d planar_covariance(const WorldPose& pose);
 /// `odom` is in the world, and the fixes in `odom`. Memory is bounded by the time for which poses are kept.
 class InertialOdometry {
  public:
+  /// s. A fix that is older is not placed any more.
+  static constexpr double kLatestFix_s = 2.0;
+
   struct Pose {
     std::int64_t stamp_ns;
     Eigen::Isometry3d T_odom_base;
@@ -43,7 +46,7 @@ class InertialOdometry {
   /// of the ready one; or at that itself. All of them are then to be added.
   void begin(const GpsInsPose& ready, const std::vector<GpsInsPose>& earlier);
   bool has_begun() const { return ready_since_ns_ != StampOrder::kNone; }
-  /// Before it, poses are of what came later.
+  /// Whether the pose was ready at the stamp; poses of stamps before that are made of what came later.
   bool was_ready_at(std::int64_t stamp_ns) const { return stamp_ns >= ready_since_ns_; }
 
   /// Adds the next pose by GPS and INS. Returns the pose in `odom`; nothing for one that does not follow.
@@ -60,11 +63,11 @@ class InertialOdometry {
   /// another one.
   void restart(std::int64_t stamp_ns);
 
-  /// Of the latest pose; StampOrder::kNone without one.
+  /// The stamp of the latest pose; StampOrder::kNone without one.
   std::int64_t stamp_ns() const { return known_.empty() ? StampOrder::kNone : known_.back().stamp_ns; }
 
-  /// For MapAlignment, as it was known at the stamp. These two need a pose, and stamps that ascend: what is before is
-  /// forgotten.
+  /// What MapAlignment needs of a scan, as it was known at the stamp. This and pose_at() need a pose, and stamps that
+  /// ascend: what is before is forgotten.
   InertialPlacement placement_at(std::int64_t stamp_ns, const Eigen::Isometry3d& T_odom_base,
                                  const Eigen::Isometry3d& T_odom_lidar);
   /// The pose by GPS and INS, or by the map where they know it worse than the map does: then x, y and yaw are the

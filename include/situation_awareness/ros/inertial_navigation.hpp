@@ -55,12 +55,13 @@ class InertialNavigation {
   void add_fix(const sensor_msgs::NavSatFix& msg, std::int64_t received_ns = StampOrder::kNone);
 
   bool is_ready() const { return odometry_.has_begun(); }
-  /// Before it, poses are of what came later; what was measured then waited for them.
+  /// Whether the pose was ready at the stamp; poses of stamps before that are made of what came later, for which what
+  /// was measured then waited.
   bool was_ready_at(std::int64_t stamp_ns) const { return odometry_.was_ready_at(stamp_ns); }
-  /// Of the latest pose; StampOrder::kNone without one.
+  /// The stamp of the latest pose; StampOrder::kNone without one.
   std::int64_t stamp_ns() const { return odometry_.stamp_ns(); }
 
-  /// As InertialOdometry::placement_at and pose_at.
+  /// These two are InertialOdometry::placement_at and pose_at.
   InertialPlacement placement_at(std::int64_t stamp_ns, const Eigen::Isometry3d& T_odom_base,
                                  const Eigen::Isometry3d& T_odom_lidar) {
     return odometry_.placement_at(stamp_ns, T_odom_base, T_odom_lidar);

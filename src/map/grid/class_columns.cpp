@@ -25,7 +25,7 @@ bool ClassColumns::read(const LabelReader& reader, const Eigen::Vector3d& foot, 
   return reader.read_column(foot, up, -offset_m(GridMap::kOffsets - 1), height_step_m_, sharp_, soft_);
 }
 
-/// From each step of all heights on; from the last foot on it is not of use.
+/// Finds the extremes from each step of all heights on; those from the last foot on are of no use.
 void ClassColumns::find_extremes(double hidden_below_m) {
   const std::size_t count = sharp_.size();
   for (std::size_t i = 0; i < count; ++i) {

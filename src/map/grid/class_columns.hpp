@@ -15,7 +15,7 @@ namespace situation_awareness {
 /// begin at several heights above each other.
 class ClassColumns {
  public:
-  /// Over what is known of a column.
+  /// The extremes over what is known of a column.
   struct Extremes {
     float least, greatest;  ///< label
     float soft_least;       ///< mean over 3 x 3 pixels
@@ -24,9 +24,9 @@ class ClassColumns {
 
   ClassColumns(double class_height_m, double offset_step_m);
 
-  /// Of an error of the elevation, by its place.
+  /// The error of the elevation at a place of those that are tried.
   double offset_m(int offset) const { return (offset - GridMap::kOffsets / 2) * steps_per_offset_ * height_step_m_; }
-  /// Between the heights of a column.
+  /// The number of heights of a column.
   int heights() const { return heights_; }
 
   /// Reads the labels above a foot; false if none is known. As LabelReader::read_column.

@@ -33,7 +33,6 @@ constexpr double kOffsetStep_m = 0.5;
 
 constexpr int kOffsets = GridMap::kOffsets;
 constexpr double kLeastDepth_m = 0.1;
-constexpr double kFarthest_m = 1e6;  ///< of a camera from the world's origin
 
 double probability_of(double log_odds) { return 1.0 / (1.0 + std::exp(-log_odds)); }
 
@@ -53,7 +52,7 @@ class GridMap::Impl {
   GridUpdate update(const SoftLabels& labels, const Eigen::Isometry3d& T_world_camera) {
     check(labels);
     if (!T_world_camera.matrix().allFinite()) throw std::invalid_argument("the camera's pose is not finite");
-    if (T_world_camera.translation().norm() > kFarthest_m) {
+    if (T_world_camera.translation().norm() > GridTiles::kFarthest_m) {
       throw std::invalid_argument("the camera is more than 1000 km from the world's origin");
     }
     const ImageView view(labels.camera, T_world_camera, params_.reach_m);
@@ -309,7 +308,7 @@ class GridMap::Impl {
   bool may_see_class(const Tile& tile, Place key, const ImageView& view, const LabelReader& reader) const {
     const double edge_m = kTileCells * params_.cell_m, low_m = tile.low_m - max_offset_m();
     const double up_m = tile.high_m + max_offset_m() + params_.class_height_m - low_m;
-    Eigen::Vector2d least = Eigen::Vector2d::Constant(kFarthest_m), greatest = -least;
+    Eigen::Vector2d least = Eigen::Vector2d::Constant(GridTiles::kFarthest_m), greatest = -least;
     for (int corner = 0; corner < 8; ++corner) {
       const Eigen::Vector3d at_m((key.column + corner % 2) * edge_m, (key.row + corner / 2 % 2) * edge_m,
                                  low_m + corner / 4 * up_m);

@@ -7,8 +7,6 @@
 namespace situation_awareness {
 namespace {
 
-constexpr double kFarthest_m = 1e6;  ///< of a place from the world's origin
-
 /// The tile of a cell of the grid, and the cell in it.
 std::pair<Place, std::size_t> place_of(int column, int row) {
   const auto tile_of = [](int i) { return i >= 0 ? i / kTileCells : (i + 1) / kTileCells - 1; };
@@ -16,7 +14,7 @@ std::pair<Place, std::size_t> place_of(int column, int row) {
   return {key, static_cast<std::size_t>((row - key.row * kTileCells) * kTileCells + column - key.column * kTileCells)};
 }
 
-/// Of a cell of a tile in a grid.
+/// The place in a grid of a cell of a tile.
 Place place_in(const SemanticGrid& grid, const Place& key, std::size_t cell) {
   return {key.column * kTileCells + static_cast<int>(cell) % kTileCells - grid.first_column,
           key.row * kTileCells + static_cast<int>(cell) / kTileCells - grid.first_row};

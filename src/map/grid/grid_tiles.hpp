@@ -19,14 +19,14 @@
 
 namespace situation_awareness {
 
-/// Of a tile, or of a cell.
+/// The place of a tile, or of a cell.
 struct Place {
   int column = 0, row = 0;
   bool operator<(const Place& other) const { return row != other.row ? row < other.row : column < other.column; }
 };
 
-/// From where images look at a cell: unit vectors along their sight lines, each weighted by how much the direction has
-/// turned since the image before.
+/// The directions from which images look at a cell: unit vectors along their sight lines, each weighted by how much the
+/// direction has turned since the image before.
 struct Directions {
   Eigen::Vector3f sum = Eigen::Vector3f::Zero();
   float turned = 0.0F;
@@ -43,8 +43,8 @@ struct Directions {
   float spread() const { return turned > 0.0F ? std::max(0.0F, 1.0F - (sum / turned).squaredNorm()) : 0.0F; }
 };
 
-/// Of a cell on which an image showed something of the class, by each error of the elevation: sums over images of their
-/// weights, and of their evidence times these.
+/// The evidence of a cell on which an image showed something of the class, by each error of the elevation: sums over
+/// images of their weights, and of their evidence times these.
 struct Evidence {
   std::array<float, GridMap::kOffsets> weight{};
   std::array<float, GridMap::kOffsets> sharp_sum{};      ///< by the labels as they are
@@ -115,9 +115,11 @@ struct SettledTile {
   std::vector<Cell> of_class;                        ///< by cell; all others that were observed are not of the class
 };
 
-/// Of a grid, with what images tell of their cells or, further away, what the map says of them.
+/// The tiles of a grid, with what images tell of their cells or, further away, what the map says of them.
 class GridTiles {
  public:
+  static constexpr double kFarthest_m = 1e6;  ///< of a place from the world's origin
+
   /// `ground`: where things stand.
   GridTiles(double cell_m, std::shared_ptr<const Elevation> ground) : cell_m_(cell_m), ground_(std::move(ground)) {}
 

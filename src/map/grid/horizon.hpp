@@ -18,10 +18,10 @@ class Horizon {
  public:
   Horizon(const Elevation& elevation, double reach_m, double step_m, double class_height_m);
 
-  /// From now on that of a camera there.
+  /// Begins the horizon of a camera at another place.
   void begin(const Eigen::Vector3d& p_world_camera_m);
 
-  /// Of the ground before a point, given from the camera on, but for its own surroundings.
+  /// The steepest slope of the ground before a point, given from the camera on, but for the point's own surroundings.
   double slope_before(const Eigen::Vector2d& away_m, double range_m) {
     return static_cast<double>(ground_slopes_[place_before(away_m, range_m, kOwn_m)]);
   }
@@ -29,7 +29,8 @@ class Horizon {
   /// Writes the slope before each cell of a row that is in the image to SeenRow::hidden_below_m.
   void find_slopes_before(double y_m, SeenRow& row);
 
-  /// The same of the tops of what may stand on the ground, but for what is as near to the point as its own size.
+  /// The steepest slope of the tops of what may stand on the ground before a point, but for what is as near to the
+  /// point as its own size.
   double top_slope_before(const Eigen::Vector2d& away_m, double range_m, double size_m) {
     return static_cast<double>(top_slopes_[place_before(away_m, range_m, size_m)]);
   }
@@ -54,7 +55,7 @@ class Horizon {
   /// Goes on in a direction to a ring, or a few more.
   void march(int direction, int to_ring);
 
-  /// Up to where a direction was marched.
+  /// The steepest slopes up to where a direction was marched.
   struct Steepest {
     double ground = -1e6, top = -1e6;
   };

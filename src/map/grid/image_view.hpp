@@ -10,7 +10,7 @@
 
 namespace situation_awareness {
 
-/// From where an image looks at a grid.
+/// The view of a grid from the camera of an image.
 struct ImageView {
   ImageView(const PinholeCamera& camera, const Eigen::Isometry3d& T_world_camera, double reach_m);
 

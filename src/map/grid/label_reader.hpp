@@ -19,7 +19,7 @@ namespace situation_awareness {
 /// of less and of more, which is half of the class.
 class LabelReader {
  public:
-  /// From now on of these.
+  /// Takes the labels that are read from now on.
   void read(const SoftLabels& labels);
 
   static bool is_known(float p) { return !std::isnan(p); }
@@ -52,7 +52,7 @@ class LabelReader {
     return has_class_between(begin(u_min, width_), end(u_max, width_), begin(v_min, height_), end(v_max, height_));
   }
 
-  /// The same of the rectangles between two points each.
+  /// Whether such a pixel is in each of the rectangles between two points.
   void find_class(const Row<double>& u_px, const Row<double>& other_u_px, const Row<double>& v_px,
                   const Row<double>& other_v_px, const Mask& is_asked, Row<std::int32_t>& has) const;
 

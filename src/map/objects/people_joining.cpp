@@ -41,7 +41,7 @@ constexpr double kMaxStoodPart = 0.8;
 constexpr double kAlone = 1.8;
 /// Log-odds that two leg-sized elements are the legs of one person, at first.
 constexpr double kPairAtFirst = -1.0;
-/// The same, at most.
+/// The most that these log-odds become.
 constexpr double kMaxPair = 1.0;
 /// Added by a scan that shows them as those of who stands.
 constexpr double kPairStanding = 0.75;
@@ -57,7 +57,7 @@ constexpr double kMinStep_m = 0.1;
 constexpr double kClassStanding = 0.4;
 /// Added to it per second of gait.
 constexpr double kClassGait_1_s = 1.5;
-/// The same, at most.
+/// The most that the log-odds of a class become.
 constexpr double kMaxClass = 4.6;
 /// Speed of who walks, at least.
 constexpr double kGaitSpeed_m_s = 0.2;

@@ -8,8 +8,6 @@
 namespace situation_awareness {
 namespace {
 
-/// m. Places farther from the world's origin than this have no place in the grid of the map, either.
-constexpr double kFarthest_m = 1e6;
 /// rad. A yaw of so many turns is no yaw of a sensor.
 constexpr double kMostYaw_rad = 1e6;
 /// rad. An azimuth is that of a beam, not wrapped.
@@ -17,7 +15,7 @@ constexpr float kMaxAzimuth_rad = 100.0F;
 /// The length of a unit vector may be off by so much.
 constexpr double kLengthError = 1e-6;
 
-/// As many ranges as azimuths, which ascend, and all of them numbers.
+/// Whether there are as many ranges as azimuths, which ascend, and all of them are numbers.
 bool is_free_space(const std::vector<float>& azimuth_rad, const std::vector<float>& range_m) {
   return azimuth_rad.size() == range_m.size() && std::is_sorted(azimuth_rad.begin(), azimuth_rad.end()) &&
          std::all_of(azimuth_rad.begin(), azimuth_rad.end(), [](float a) { return std::abs(a) < kMaxAzimuth_rad; }) &&
@@ -28,9 +26,9 @@ bool is_free_space(const std::vector<float>& azimuth_rad, const std::vector<floa
 
 bool can_be_mapped(const Polylines& polylines, const Eigen::Matrix3d& pose_covariance) {
   const Pose2& T = polylines.T_world_level;
-  const auto is_size = [](double value) { return value >= 0.0 && value < kFarthest_m; };
+  const auto is_size = [](double value) { return value >= 0.0 && value < kFarthestFromOrigin_m; };
   const auto is_near = [](const Eigen::Vector2d& p_m) {
-    return p_m.allFinite() && p_m.cwiseAbs().maxCoeff() < kFarthest_m;
+    return p_m.allFinite() && p_m.cwiseAbs().maxCoeff() < kFarthestFromOrigin_m;
   };
   if (!is_near(T.translation_m) || !(std::abs(T.yaw_rad) < kMostYaw_rad) ||
       !is_size(std::abs(polylines.height_world_m)) || !is_size(polylines.resolution_rad) ||

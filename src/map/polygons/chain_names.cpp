@@ -9,7 +9,7 @@ namespace {
 /// Pieces of a line with at least so many elements each have grown together where they follow each other.
 constexpr std::size_t kElementsOfPiece = 3;
 
-/// Of names, in ascending order, the first that is not below one.
+/// The first of names, in ascending order, that is not below one.
 template <class Names>
 auto not_below(Names& names, std::uint64_t name) {
   return std::lower_bound(names.begin(), names.end(), name,
@@ -162,7 +162,7 @@ void ChainNames::unite_names(Surfels& surfels, const ChainLinks& links, const Ch
     name_before = name;
     begin = k + 1;
   }
-  // From those named so, on both sides.
+  // The names spread from those named so, on both sides.
   const auto unite = [&](std::size_t from, std::size_t k, std::uint64_t& name_next) {
     const std::uint64_t name = surfels[ordered[k]].chain;
     const bool is_one = surfels[ordered[from]].chain == id && name != id &&

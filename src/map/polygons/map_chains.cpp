@@ -114,7 +114,7 @@ void MapChains::begin_anew(std::uint64_t next_id) {
   members_.clear();
 }
 
-/// To those of the update: what is not as it was before begin_anew().
+/// Adds to the changes of the update what is not as it was before begin_anew().
 void MapChains::add_changes_by_beginning_anew() {
   is_begun_anew_ = false;
   changes_.changed.clear();

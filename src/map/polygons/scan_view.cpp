@@ -14,7 +14,7 @@ namespace {
 constexpr double kFewestBeside = 4.0, kMostBeside = 16.0;
 /// Standard deviations of a hit's and an element's place along the beam; beams that end so far behind have passed it.
 constexpr double kPassedSigmas = 3.0;
-/// The same distance in m at least: boundaries are not as smooth as a line.
+/// m. The least such distance: boundaries are not as smooth as a line.
 constexpr double kLeastPassed_m = 0.03;
 /// Cosine between a beam and the normal of an element that it can be said to have passed, from either side.
 constexpr double kFacesBeam = 0.25;
@@ -171,7 +171,7 @@ double LatestScanView::weight_of_grazed(const Surfel& surfel, const Eigen::Vecto
   return seen == Seen::kPassed ? weight : 0.0;
 }
 
-/// By beams through an element that is seen at this azimuth.
+/// The weight by beams through an element that is seen at this azimuth.
 double LatestScanView::weight_through(const Surfel& surfel, const Eigen::Vector2d& p_level_m,
                                       const Eigen::Vector2d& n_level, double middle_rad) const {
   const std::vector<float>& azimuths_rad = azimuth_rad();

@@ -11,7 +11,7 @@ namespace {
 /// An element that was hit by less than this part of the scans that hit one beside it, after so many s, is no surface.
 constexpr double kRare = 0.2;
 constexpr double kRareAfter_s = 5.0;
-/// The same of one that has none beside it, if it was hit for less than this part of its age, and of so many s.
+/// An element that has none beside it is no surface if it was hit for less than this part of its age, and of so many s.
 constexpr double kLonely = 0.03;
 constexpr double kLonely_s = 1.5;
 
@@ -48,7 +48,7 @@ bool SeldomHit::is_lonely(const Surfel& surfel, std::int64_t stamp_ns) {
 
 bool SeldomHit::may_get_lonely(const Surfel& surfel) { return surfel.seen_s < kLonely_s; }
 
-/// By its age, on which judge() and is_lonely() depend.
+/// Searches the ages of the element, on which judge() and is_lonely() depend.
 std::int64_t SeldomHit::hidden_from_ns(const Surfels& surfels, Index index, bool is_alone) {
   constexpr std::int64_t kStep_ns = 1'000'000;
   constexpr std::int64_t kLongest_ns = 1'000'000 * kNanosecondsPerSecond;

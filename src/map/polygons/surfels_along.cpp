@@ -14,7 +14,6 @@
 namespace situation_awareness {
 namespace {
 
-constexpr double kFarthest_m = 1e6;
 constexpr Bounds kVariance_m2{1e-12, 1e9};
 constexpr std::int64_t kMaxAge_ns = std::int64_t{1} << 61;  ///< 73 years
 /// Hits of an element: as many as make a well-known one.
@@ -29,7 +28,7 @@ void check(const Chain& chain, std::int64_t stamp_ns) {
 }
 
 void check(const Surfel& surfel) {
-  if (!(surfel.p_world_m.cwiseAbs().maxCoeff() <= kFarthest_m)) {
+  if (!(surfel.p_world_m.cwiseAbs().maxCoeff() <= kFarthestFromOrigin_m)) {
     throw std::invalid_argument("a chain is more than 1000 km from the world's origin");
   }
   if (!(surfel.variance_m2 >= kVariance_m2.low && surfel.variance_m2 <= kVariance_m2.high)) {

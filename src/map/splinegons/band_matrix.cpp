@@ -10,7 +10,7 @@ namespace {
 
 // Where no source is named, none is recorded; the sensitivity of these was not measured.
 
-/// Of the factorization of normal equations, whose entries are of 1 / m^2 and 1 / rad^2.
+/// The least pivot of the factorization of normal equations, whose entries are of 1 / m^2 and 1 / rad^2.
 constexpr double kLeastPivot = 1e-6;
 
 }  // namespace

@@ -51,10 +51,10 @@ class BiarcChain {
   /// The arcs between the nodes.
   void compute_arcs();
 
-  /// For the first time: the arc with the nearest chord that has the element's free side, of those near that of the
-  /// element before if that is near enough. False if hardly any is.
+  /// Assigns the elements for the first time: each to the arc with the nearest chord that has the element's free side,
+  /// of those near that of the element before if that is near enough. False if hardly any is.
   bool assign_nearest(const BoundaryElements& elements);
-  /// From the arc where an element was to a neighbour, if it lies beyond the normal at its end.
+  /// Moves each element from its arc to a neighbour of that, if it lies beyond the normal at the arc's end.
   void assign_stepwise(const BoundaryElements& elements);
 
   /// Signed distance to the arc's circle, positive to the left.

@@ -47,7 +47,8 @@ void BiarcLeastSquares::add_to_row(const Vector6d& slope, std::size_t biarc) {
 double BiarcLeastSquares::build() {
   unknowns_of_.resize(chain_.nodes.size());
   unknowns_ = 0;
-  // Of a closed boundary in the order 0, n - 1, 1, n - 2 and so on: then what is near is near along both ways.
+  // Nodes of a closed boundary are in the order 0, n - 1, 1, n - 2 and so on: then what is near is near along both
+  // ways.
   const auto node_at = [&](std::size_t at) {
     return !elements_.closed ? at : at % 2 == 0 ? at / 2 : chain_.nodes.size() - 1 - at / 2;
   };

@@ -25,9 +25,9 @@ class BiarcLeastSquares {
 
   /// The covariance of the latest fit, which the variances below are of.
   void find_covariance();
-  /// Of a node across a direction, times `scale`.
+  /// The variance of a node across a direction, times `scale`.
   double variance_across_m2(std::size_t node, double yaw_rad, double scale) const;
-  /// Of what has this slope by x, y, yaw of a biarc's nodes, times `scale`.
+  /// The variance of what has this slope by x, y, yaw of a biarc's nodes, times `scale`.
   double variance_m2(std::size_t biarc, const BiarcChain::Vector6d& slope, double scale) const;
 
  private:
@@ -66,7 +66,7 @@ class BiarcLeastSquares {
   std::vector<Sums> sums_;
   BandMatrix H_, H_factor_, covariance_;
   Eigen::VectorXd g_, delta_, row_;
-  /// Of the chain and its equations before a step, swapped back if the step makes the fit worse.
+  /// The chain and its equations before a step, swapped back if the step makes the fit worse.
   std::vector<BiarcChain::Node> nodes_before_;
   std::vector<std::size_t> arc_of_before_;
   BandMatrix H_before_;

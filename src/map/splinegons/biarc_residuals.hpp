@@ -9,7 +9,7 @@
 
 namespace situation_awareness {
 
-/// Of the elements of a biarc.
+/// Sums over the residuals of the elements of a biarc.
 struct BiarcResiduals {
   double products = 0.0;  ///< of neighbours, in standard deviations
   double pair_m = 0.0;    ///< by how much two neighbours are off at most that noise does not explain
@@ -17,7 +17,7 @@ struct BiarcResiduals {
   std::size_t first = 0, last = 0;
 };
 
-/// Of each biarc, with the products of neighbours' residuals.
+/// Sums the residuals of each biarc, with the products of neighbours' residuals.
 void sum_residuals(const BoundaryElements& elements, const BiarcChain& chain, std::vector<BiarcResiduals>& residuals);
 
 /// Whether a biarc does not follow the boundary.

@@ -12,7 +12,7 @@ struct CircleSums {
   Eigen::Vector3d rhs = Eigen::Vector3d::Zero();
 
   void add(const Eigen::Vector2d& p, double weight) { add({1.0, p.x(), p.squaredNorm()}, p.y(), weight); }
-  /// Of another equation of the three: y = row^T c.
+  /// Adds another equation of the three numbers: y = row^T c.
   void add(const Eigen::Vector3d& row, double y, double weight) {
     A += weight * row * row.transpose();
     rhs += weight * y * row;
@@ -20,7 +20,7 @@ struct CircleSums {
   Eigen::Vector3d solve() const;
 };
 
-/// By how much a place is off in y, and the gradient of that but for its sign in x.
+/// The distance in y by which a place is off the circle, and its gradient but for its sign in x.
 inline double circle_offset(const Eigen::Vector3d& c, const Eigen::Vector2d& p) {
   return p.y() - c(0) - c(1) * p.x() - c(2) * p.squaredNorm();
 }

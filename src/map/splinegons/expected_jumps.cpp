@@ -83,7 +83,7 @@ bool ExpectedJumps::is_one_arc(std::size_t begin, std::size_t arcs) const {
   const auto is_in = [&](std::size_t i) {
     return (chain_.arc_of[i] >= begin ? chain_.arc_of[i] - begin : chain_.arc_of[i] + count - begin) < arcs;
   };
-  // Of a ring x^2 + y^2 = c0 + c1 x + c2 y; both are circles.
+  // A ring has x^2 + y^2 = c0 + c1 x + c2 y; both are circles.
   const BiarcChain::Node& from = chain_.nodes[begin / 2];
   const Eigen::Vector2d way_m = chain_.nodes[(begin + arcs) / 2 % chain_.nodes.size()].p_m - from.p_m;
   const Eigen::Vector2d axis = ring || way_m.norm() < 1e-6 ? Eigen::Vector2d(1.0, 0.0) : way_m.normalized();

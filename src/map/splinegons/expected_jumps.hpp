@@ -9,7 +9,7 @@
 
 namespace situation_awareness {
 
-/// By how much the curvature is expected to jump from arc to arc of a chain.
+/// The jumps of the curvature that are expected from arc to arc of a chain.
 class ExpectedJumps {
  public:
   ExpectedJumps(const BoundaryElements& elements, BiarcChain& chain) : elements_(elements), chain_(chain) {}
@@ -19,7 +19,7 @@ class ExpectedJumps {
   /// well has none. Computes the chain's residuals.
   void expect(bool first);
 
-  /// At the begin of an arc.
+  /// The standard deviation of the jump at the begin of an arc.
   double sigma_1pm(std::size_t arc) const { return sigma_1pm_[arc]; }
   /// Number of the parameters of the fit that the elements determine.
   double parameters() const { return parameters_; }

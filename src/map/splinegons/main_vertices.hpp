@@ -20,7 +20,7 @@ class MainVertices {
                BiarcChain& chain)
       : most_(most), elements_(elements), corners_(corners), chain_(chain) {}
 
-  /// As many as a boundary has that no misfit asks for more of.
+  /// The number of nodes of a boundary of which no misfit asks for more.
   std::size_t wanted_nodes() const;
 
   /// The first placing: nodes evenly along the polygon of the elements, or, where those are too few, where arcs end.

@@ -20,7 +20,7 @@ class PolygonParts {
  public:
   PolygonParts(const BoundaryElements& elements, const BiarcChain& chain) : elements_(elements), chain_(chain) {}
 
-  /// By the chain's residuals.
+  /// Finds the polygons by the chain's residuals.
   void find();
 
   /// Whether a biarc is of a polygon, and the number of those that are.
@@ -29,7 +29,7 @@ class PolygonParts {
   const BiarcResiduals& residuals(std::size_t biarc) const { return residuals_[biarc]; }
   /// Where a biarc begins that is given as arcs.
   Eigen::Vector2d begin_of(std::size_t biarc) const;
-  /// Of an arc beside a polygon: what lies beyond, at its biarc's begin or end; else 0.
+  /// The length of an arc beside a polygon that lies beyond, at its biarc's begin or end; else 0.
   double cut_m(std::size_t arc) const { return cut_m_[arc]; }
 
   /// Appends the polygon of the elements of some biarcs in a row but for its last vertex, which is the begin of what is

@@ -82,7 +82,7 @@ class World {
   const PolygonMapUpdate& last_update() const { return update_; }
   PolygonMap& map() { return map_; }
 
-  /// Of all chains, as they are now.
+  /// The elements of all chains, as they are now.
   std::vector<BoundaryElement> elements() {
     std::vector<BoundaryElement> result, of_chain;
     const std::size_t chains = map_.latest_polygons().chains.size();

@@ -65,7 +65,7 @@ class DisplayTest : public DisplayFixture {
     return result;
   }
 
-  /// Of the line on top of a wall.
+  /// The colour of the line on top of a wall.
   static Color line_color(std::uint64_t id) {
     const Color body = color_of(id);
     return {0.8F * body.r, 0.8F * body.g, 0.8F * body.b};

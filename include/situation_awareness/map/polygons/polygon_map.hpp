@@ -68,7 +68,10 @@ struct PolygonMapParams {
   void validate() const { check_bounds(*this, "polygons"); }
 };
 
-/// Whether all numbers are finite and of a place within 1000 km of the world's origin.
+/// Places farther from the world's origin than this along an axis are on no map of polygons.
+constexpr double kFarthestFromOrigin_m = 1e6;
+
+/// Whether all numbers are finite and of a place within kFarthestFromOrigin_m.
 bool can_be_mapped(const Polylines& polylines, const Eigen::Matrix3d& pose_covariance);
 
 /// What an update did.

@@ -30,18 +30,18 @@ class ScanView {
   bool is_known() const { return !free_space_.range_m.empty(); }
   std::int64_t stamp_ns() const { return stamp_ns_; }
   const Pose2& T_level_world() const { return T_level_world_; }
-  /// Of its ranges the greatest: that of beams without a return.
+  /// The greatest of its ranges, which is that of beams without a return.
   double most_m() const { return most_m_; }
 
-  /// Of a place in the scan's level frame. It is hit if a beam ended within `near_m` of it, and passed if those beside
-  /// it end farther behind it than `margin_m`; `weight` is then how much they say of a thing of size `thing_m`, up
-  /// to 1.
+  /// How the scan saw a place in its level frame. The place is hit if a beam ended within `near_m` of it, and passed if
+  /// the beams beside it end farther behind it than `margin_m`; `weight` is then how much they say of a thing of size
+  /// `thing_m`, up to 1.
   Seen see(const Eigen::Vector2d& p_level_m, double near_m, double thing_m, double margin_m, double* weight) const;
 
  protected:
   const std::vector<float>& azimuth_rad() const { return free_space_.azimuth_rad; }
   const std::vector<float>& ranges_m() const { return free_space_.range_m; }
-  /// Of a place in the turn of the scan's beams.
+  /// The azimuth of a place, in the turn of the scan's beams.
   double azimuth_of(const Eigen::Vector2d& p_level_m) const;
   /// see() of a place at this azimuth, of a scan with beams.
   Seen see_at(double place_rad, const Eigen::Vector2d& p_level_m, double near_m, double thing_m, double margin_m,
@@ -55,15 +55,15 @@ class ScanView {
   double most_m_ = 0.0;
 };
 
-/// The same of the latest scan, for the elements of a map.
+/// What the beams of the latest scan tell of the elements of a map.
 class LatestScanView : public ScanView {
  public:
   /// Elements nearer to the sensor than `least_m` are not said to be passed; `margin_m`: as of ScanView::see.
   LatestScanView(double least_m, double margin_m) : least_m_(least_m), margin_m_(margin_m) {}
 
   void set(std::int64_t stamp_ns, const Pose2& T_level_world, const FreeSpace& free_space);
-  /// Of the scan that is set next: the angle between its beams, and the standard deviation of its hits, range noise and
-  /// pose.
+  /// Sets the angle between the beams of the scan that is set next, and the standard deviation of its hits by range
+  /// noise and pose.
   void set_errors(double resolution_rad, double hit_sigma_m);
   double resolution_rad() const { return resolution_rad_; }
 

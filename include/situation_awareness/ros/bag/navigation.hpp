@@ -11,8 +11,8 @@
 #include <Eigen/Geometry>
 
 #include "situation_awareness/common/counters.hpp"
-#include "situation_awareness/registration/map_alignment.hpp"
 #include "situation_awareness/pose/gps_ins.hpp"
+#include "situation_awareness/registration/map_alignment.hpp"
 #include "situation_awareness/ros/bag/bag_options.hpp"
 #include "situation_awareness/ros/bag/bag_player.hpp"
 #include "situation_awareness/ros/inertial_navigation.hpp"

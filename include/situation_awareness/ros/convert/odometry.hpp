@@ -33,7 +33,7 @@ geometry_msgs::TransformStamped transform_from_odometry(const nav_msgs::Odometry
 
 geometry_msgs::Pose pose_of(const geometry_msgs::Transform& transform);
 
-/// Of a motion in the plane: position and yaw.
+/// The part in the plane of the pose of a message: x, y and yaw.
 Pose2 pose2_of(const geometry_msgs::Pose& pose);
 /// Of x, y and yaw, out of that of all six; neither checked.
 Eigen::Matrix3d planar_covariance(const geometry_msgs::PoseWithCovariance& pose);

@@ -24,8 +24,7 @@ struct CircumnavigateNodeletParams {
   template <class Self, class Visit>
   static void fields(Self& self, Visit&& visit) {
     NodeletParams::fields(self.nodelet, visit);
-    visit("base_frame", self.base_frame,
-          "frame of the vehicle: x ahead, y left, z up; midway between its driven wheels where it has such");
+    visit("base_frame", self.base_frame, kBaseFrameDoc);
     visit(
         "search", self.search,
         "places [x, y] or [x, y, yaw] in the world, in m and rad, that the vehicle goes to in order to find obstacles");

@@ -31,8 +31,7 @@ struct GpsInsNodeletParams {
   template <class Self, class Visit>
   static void fields(Self& self, Visit&& visit) {
     NodeletParams::fields(self.nodelet, visit);
-    visit("base_frame", self.base_frame,
-          "frame of the vehicle: x ahead, y left, z up; midway between its driven wheels where it has such");
+    visit("base_frame", self.base_frame, kBaseFrameDoc);
     visit("imu_frame", self.imu_frame, "frame of the IMU, whatever its messages say; empty: theirs");
     visit("fix_frame", self.fix_frame, "frame of the receiver's antenna, whatever its messages say; empty: theirs");
     visit("origin", self.origin,
@@ -74,8 +73,7 @@ struct InertialParams {
 
   template <class Self, class Visit>
   static void fields(Self& self, Visit&& visit) {
-    visit("base_frame", self.base_frame,
-          "frame of the vehicle: x ahead, y left, z up; midway between its driven wheels where it has such");
+    visit("base_frame", self.base_frame, kBaseFrameDoc);
     visit("imu_frame", self.imu_frame, "as that of gps_ins");
     visit("fix_frame", self.fix_frame, "as that of gps_ins");
     visit("origin", self.origin,

@@ -9,6 +9,10 @@
 
 namespace situation_awareness {
 
+/// What is said of ~base_frame, which several nodelets read.
+constexpr const char* kBaseFrameDoc =
+    "frame of the vehicle: x ahead, y left, z up; midway between its driven wheels where it has such";
+
 /// Parameters of the ROS boundary, for nodelets of any kind of map.
 struct NodeletParams {
   std::string world_frame = "world";

@@ -34,8 +34,7 @@ struct PathNodeletParams {
   static void fields(Self& self, Visit&& visit) {
     NodeletParams::fields(self.nodelet, visit);
     visit("path_file", self.path_file, "YAML file of the way points of the path, in the world");
-    visit("base_frame", self.base_frame,
-          "frame of the vehicle: x ahead, y left, z up; midway between its driven wheels where it has such");
+    visit("base_frame", self.base_frame, kBaseFrameDoc);
     visit("start_at_once", self.start_at_once,
           "drive as soon as pose and verdict are there; else when the service path_following/start is called");
     visit("has_driven", self.has_driven, "");

@@ -23,8 +23,7 @@ struct ScoutNodeletParams {
   template <class Self, class Visit>
   static void fields(Self& self, Visit&& visit) {
     NodeletParams::fields(self.nodelet, visit);
-    visit("base_frame", self.base_frame,
-          "frame of the vehicle: x ahead, y left, z up; midway between its driven wheels where it has such");
+    visit("base_frame", self.base_frame, kBaseFrameDoc);
     visit("dem", self.dem,
           "path of the elevation, as that of grid_mapping; empty: level ground, scouting.height_m below the begin");
     visit("timeout_s", self.timeout_s, Bounds{0.1, 1000.0}, "s",

@@ -405,7 +405,7 @@ class MultirotorVehicle : public Flyer {
     heading_.publish(msg);
   }
 
-  /// Of the IMU, beside which it is.
+  /// Publishes the height of the IMU, beside which the altimeter is.
   void publish_altitude(double time_s) {
     geometry_msgs::PoseWithCovarianceStamped msg;
     msg.header.stamp = to_ros_time(stamp_ns(time_s));
