@@ -29,6 +29,10 @@ constexpr double kKnownSigma_rad = 1.0;
 constexpr double kMinSpread_m = 0.1;
 /// Standard deviations that a hit may be beyond the end of its face: farther out the face is longer.
 constexpr double kBeyond = 2.0;
+/// m. A half length that is longer is of none of the things that the prior is of.
+constexpr double kLargeHalf_m = box_prior::kMeanHalf_m + 2.0 * box_prior::kHalfSigma_m;
+/// Standard deviations of what was not seen of a larger thing, and of its centre, in parts of the half that was.
+constexpr double kLargeSigma = 0.9, kLargeCenterSigma = 2.0;
 constexpr double kCoarseStep_rad = kPi / 36.0;
 constexpr int kRefitSteps = 4;
 /// Of the prediction, to find which side is seen.
@@ -356,8 +360,13 @@ Detection fit_box(const Segments& segments, std::size_t segment, const EllipseFi
   const BoxProblem problem(segments, segments.segments[segment], params);
   const Vector5d from = problem.start();
   Prior prior;
-  prior.mean << from.head<2>(), from(2), box_prior::kMeanHalf_m, box_prior::kMeanHalf_m;
+  prior.mean << from.head<3>(), box_prior::kMeanHalf_m, box_prior::kMeanHalf_m;
   prior.sigma << 1.0, 1.0, kKnownSigma_rad, box_prior::kHalfSigma_m, box_prior::kHalfSigma_m;
+  if (const double seen_half_m = from.tail<2>().maxCoeff(); seen_half_m > kLargeHalf_m) {
+    prior.mean.tail<2>().setConstant(seen_half_m);
+    prior.sigma.head<2>().setConstant(kLargeCenterSigma * seen_half_m);
+    prior.sigma.tail<2>().setConstant(kLargeSigma * seen_half_m);
+  }
   const Vector5d x = minimise(problem, prior, from, params.max_iterations);
   Matrix5d A;
   Vector5d b;

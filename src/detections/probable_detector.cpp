@@ -39,6 +39,23 @@ Detection box_detection(const Segments& segments, std::size_t segment, const Ell
   return detection;
 }
 
+/// The same, fitted to the hits, of a segment that is longer than all that the network was trained for.
+Detection fitted_detection(const Segments& segments, std::size_t segment, const EllipseFitParams& fit,
+                           const Detection& judged) {
+  Detection fitted = fit_box(segments, segment, fit);
+  fitted.p_ellipse = judged.p_ellipse;
+  fitted.log_box_ratio = judged.log_box_ratio;
+  const double cost = box_cost(segments, segment, fit, fitted.box_level);
+  const bool is_good = cost <= static_cast<double>(fitted.beams) + kGoodBoxCostMargin;
+  return is_good && *detection_defect(fitted, fit) == '\0' ? fitted : judged;
+}
+
+/// Distance between the ends of a segment.
+double chord_m(const Segments& segments, std::size_t segment) {
+  const Point* const first = &segments.points[segments.segments[segment].first];
+  return (first[segments.segments[segment].count - 1].p_level_m - first->p_level_m).norm();
+}
+
 /// Mean and covariance of a detection that is either an ellipse or a box.
 Detection mixture(const Detection& ellipse, const Detection& box) {
   const double p_box = 1.0 / (1.0 + std::exp(-box.log_box_ratio));
@@ -97,6 +114,7 @@ void ProbableDetector::find(const Segments& segments, Detections& found) {
   }
   judge_shapes(segments);
   refine_known(segments);
+  fit_large(segments);
   found = detector_->detect(segments, std::move(found), &is_refined_);
   compare_with_boxes(found);
 }
@@ -131,6 +149,7 @@ void ProbableDetector::judge_shapes(const Segments& segments) {
   for (std::size_t k = 0; k < objects_.size(); ++k) {
     Judged judged;
     judged.as_box = box_detection(segments, objects_[k], scan_fit_, shapes[k]);
+    judged.is_large = chord_m(segments, objects_[k]) > 2.0 * scan_fit_.prior_max_radius_m;
     judged.box_defect = detection_defect(judged.as_box, scan_fit_);
     judged_.push_back(judged);
   }
@@ -143,10 +162,20 @@ void ProbableDetector::refine_known(const Segments& segments) {
   if (!refines_) return;
   for (std::size_t k = 0; k < objects_.size(); ++k) {
     Judged& judged = judged_[k];
-    if (*judged.box_defect != '\0') continue;
+    if (*judged.box_defect != '\0' && !judged.is_large) continue;
     judged.is_refined = known_objects_.refined(objects_[k], judged.as_box.p_ellipse, judged.as_box.log_box_ratio,
                                                scan_fit_, judged.refined);
     is_refined_[objects_[k]] = judged.is_refined ? 1 : 0;
+  }
+}
+
+/// Segments that are longer than what the network was trained for, and that are of nothing known.
+void ProbableDetector::fit_large(const Segments& segments) {
+  for (std::size_t k = 0; k < objects_.size(); ++k) {
+    Judged& judged = judged_[k];
+    if (!judged.is_large || judged.is_refined) continue;
+    judged.as_box = fitted_detection(segments, objects_[k], scan_fit_, judged.as_box);
+    judged.box_defect = detection_defect(judged.as_box, scan_fit_);
   }
 }
 

@@ -13,11 +13,10 @@
 namespace situation_awareness {
 namespace {
 
-constexpr double kGoodBoxCostMargin = 5.0;  // of the cost of a fit above the number of hits
-constexpr double kSureOfShape = 0.9;        // probability from which on a known object is refined as this shape
-constexpr double kMaxOffset_m = 0.1;        // mean distance of an object's hits from its expected outline
-constexpr double kLarger = 1.3;     // factor on a known ellipse's length from which on a segment is more than it
-constexpr double kHitsOnIt = 0.25;  // least part of such a segment's hits that is on the ellipse
+constexpr double kSureOfShape = 0.9;  // probability from which on a known object is refined as this shape
+constexpr double kMaxOffset_m = 0.1;  // mean distance of an object's hits from its expected outline
+constexpr double kLarger = 1.3;       // factor on a known ellipse's length from which on a segment is more than it
+constexpr double kHitsOnIt = 0.25;    // least part of such a segment's hits that is on the ellipse
 
 double mean_offset_m(const Segments& segments, const Segment& segment, const Outline& outline) {
   double sum_m = 0.0;

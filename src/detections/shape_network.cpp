@@ -26,12 +26,6 @@ std::array<double, kClasses> probabilities(const float* logits) {
   return p;
 }
 
-/// Of the four directions psi + k pi / 2 the one nearest to the axis `major_rad`, as an axis.
-double nearest_axis(double psi_rad, double major_rad) {
-  const double turns = std::round((major_rad - psi_rad) / (0.5 * kPi));
-  return wrap_to_half_pi(psi_rad + turns * 0.5 * kPi);
-}
-
 }  // namespace
 
 ShapeEstimate shape_of(const float* answer, const SegmentEncoding& encoding, double max_radius_m) {

@@ -12,11 +12,12 @@ namespace situation_awareness {
 
 void FreeSpaceMemory::add(std::int64_t stamp_ns, const Pose2& T_world_level, const FreeSpace& free_space) {
   if (free_space.azimuth_rad.size() < 2) return;
-  if (!scans_.empty() && seconds_between(latest_ns_, stamp_ns) < kStep_s) return;
+  if (stamp_ns < latest_ns_) clear();
+  if (!scans_.empty() && seconds_between(latest_ns_, stamp_ns) < step_s_) return;
   latest_ns_ = stamp_ns;
-  if (scans_.size() < kScans) scans_.emplace_back();
+  if (scans_.size() < most_) scans_.emplace_back();
   Remembered& scan = scans_[next_];
-  next_ = (next_ + 1) % kScans;
+  next_ = (next_ + 1) % most_;
   scan.stamp_ns = stamp_ns;
   scan.T_level_world = inverse(T_world_level);
   scan.free_space = free_space;

@@ -40,7 +40,7 @@ const ObjectPipelineResult& ObjectPipeline::process(const Scan& scan, const Eige
   known_level_ = outlines_at(scan.stamp_ns, points.T_world_level, known, kMaxMapAge_s, std::move(known_level_));
   segments = divide(segment(points, params_.segments, std::move(segments)), known_level_, params_.segments);
   segments = with_straight_pieces(std::move(segments), params_.segments, params_.detections.fit.range_sigma_m);
-  detections = detector_->detect(segments, known_level_, std::move(detections));
+  detections = arrivals_.mark(segments, detector_->detect(segments, known_level_, std::move(detections)));
   result_.update = map_.update(detections, std::move(result_.update));
   result_.objects = map_.at(map_.stamp_ns(), std::move(result_.objects));  // may be `known`, which was used above
   map_may_have_changed_ = false;

@@ -9,7 +9,8 @@
 namespace situation_awareness {
 
 /// The box with the least cost for one segment: hits lie on the faces towards the sensor, beams beside a silhouette end
-/// miss it, a hidden end is no nearer than its last hit, and half lengths that were not seen follow a wide prior. As a
+/// miss it, a hidden end is no nearer than its last hit, and half lengths that were not seen follow a wide prior: that
+/// of things of a person's size, or, of larger ones, as much as was seen, give or take nearly all of it. As a
 /// detection: the ellipse of equal moments, and its covariance, wide in depth where only a face was seen.
 Detection fit_box(const Segments& segments, std::size_t segment, const EllipseFitParams& params);
 
@@ -17,6 +18,9 @@ Detection fit_box(const Segments& segments, std::size_t segment, const EllipseFi
 /// the predicted value, with a covariance so wide that it does not count.
 Detection refit_box(const Segments& segments, std::size_t segment, const EllipseFitParams& params,
                     const Box& known_level);
+
+/// The cost of a good fit exceeds the number of its hits by at most this.
+constexpr double kGoodBoxCostMargin = 5.0;
 
 /// Twice the negative log-likelihood of hits and silhouettes for a box, up to a constant that it shares with
 /// `ellipse_cost`; outlying hits count up to a bound.

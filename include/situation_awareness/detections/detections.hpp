@@ -33,6 +33,8 @@ struct Detection {
   /// Mean of its hits in the level frame, or NaN where it is not known.
   Eigen::Vector2d middle_level_m = Eigen::Vector2d::Constant(std::numeric_limits<double>::quiet_NaN());
   bool hidden_end = false;  ///< one end of the segment is no silhouette: the object may extend beyond it
+  /// With a hidden end: whether a scan of the last seconds saw free space where half of its hits are. It moves then.
+  bool has_arrived = false;
   std::size_t segment = 0;  ///< index in Segments::segments
 };
 

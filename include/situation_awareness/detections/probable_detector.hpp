@@ -47,6 +47,7 @@ class ProbableDetector final : public Detector {
   void refuse_improbable(Detections& found) const;
   void judge_shapes(const Segments& segments);
   void refine_known(const Segments& segments);
+  void fit_large(const Segments& segments);
   void compare_with_boxes(Detections& found);
 
   std::unique_ptr<Detector> detector_;
@@ -58,6 +59,7 @@ class ProbableDetector final : public Detector {
   struct Judged {
     Detection as_box;
     const char* box_defect = "";
+    bool is_large = false;    ///< longer than what the network was trained for
     bool is_refined = false;  ///< as a known object, whatever the other detector would say
     Detection refined;
   };

@@ -13,6 +13,7 @@
 #include "situation_awareness/detections/least_squares.hpp"
 #include "situation_awareness/detections/probable_detector.hpp"
 #include "situation_awareness/map/objects/object_map.hpp"
+#include "situation_awareness/pipeline/arrivals.hpp"
 #include "situation_awareness/pipeline/unmapped_segments.hpp"
 #include "situation_awareness/points/points.hpp"
 #include "situation_awareness/scan/cloud_slice.hpp"
@@ -136,6 +137,7 @@ class ObjectPipeline {
   Scan limited_;
   bool map_may_have_changed_ = true;  ///< since result_.objects
   std::vector<ExpectedOutline> known_level_;
+  Arrivals arrivals_;
   UnmappedSegments unmapped_;
   ObjectPipelineResult result_;
 };

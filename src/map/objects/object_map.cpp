@@ -440,8 +440,8 @@ void ObjectMap::observe(MapElement& element, const Detection& detection, const M
   count_more(element.observations);
   const bool stands = element.estimate.p_moving < 0.5;
   if (stands) element.stood_s += step_s_;
-  // What comes out from behind an occluder grows at that end, and its middle moves.
-  const bool may_grow = is_box(element) && detection.hidden_end;
+  // What comes out from behind an occluder grows at that end, and its middle moves; what is where it was free moves.
+  const bool may_grow = is_box(element) && detection.hidden_end && !detection.has_arrived;
   if (element.estimate.p_moving <= kSurelyMoving) {
     element.moving_scans = 0;
   } else if (!may_grow) {

@@ -7,6 +7,7 @@
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 
+#include "situation_awareness/geometry/angles.hpp"
 #include "situation_awareness/map/objects/existence.hpp"
 #include "situation_awareness/map/objects/object_filter.hpp"
 
@@ -26,7 +27,8 @@ constexpr double kMaxEvidence = 2.0;
 constexpr double kMaxBoxLogOdds = 5.0;
 /// How often the evidence of a view is believed that repeats for ever.
 constexpr double kRepeated = 1.0;
-/// (rx - ry) / (rx + ry) from which on the ellipse gives the orientation of the box; else the latest detection does.
+/// (rx - ry) / (rx + ry) from which on the ellipse gives the orientation of the box; else the latest detection does,
+/// and the ellipse which of its axes is the longer one.
 constexpr double kLongBox = 0.1;
 /// m. Bound of the standard deviation of errors that repeat from the same viewpoint: that of the mean radius before it
 /// was seen (EllipseFitParams). Without a bound, views of few hits on what is known take it off the map.
@@ -94,7 +96,7 @@ void fill_shape(const MapElement& element, Object& object) {
   object.box_world = moment_equal_box(object.ellipse_world);
   const Ellipse& ellipse = object.ellipse_world;
   const bool is_long = ellipse.rx_m - ellipse.ry_m > kLongBox * (ellipse.rx_m + ellipse.ry_m);
-  if (!is_long) object.box_world.psi_rad = element.box_psi_rad;
+  if (!is_long) object.box_world.psi_rad = nearest_axis(element.box_psi_rad, ellipse.psi_rad);
 }
 
 }  // namespace situation_awareness

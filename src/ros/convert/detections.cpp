@@ -46,6 +46,7 @@ DetectionArray detections_to_msg(const Detections& detections, const std::string
     element.middle_x = detection.middle_level_m.x();
     element.middle_y = detection.middle_level_m.y();
     element.hidden_end = static_cast<std::uint8_t>(detection.hidden_end);
+    element.has_arrived = static_cast<std::uint8_t>(detection.has_arrived);
     element.segment = static_cast<std::uint32_t>(detection.segment);
   }
   for (const SmallSegment& small : detections.small_segments) {
@@ -84,6 +85,7 @@ Detections detections_from_msg(const DetectionArray& msg) {
     detection.beams = static_cast<int>(element.beams);
     detection.middle_level_m = {element.middle_x, element.middle_y};
     detection.hidden_end = element.hidden_end != 0;
+    detection.has_arrived = element.has_arrived != 0;
     detection.segment = element.segment;
     const std::string defect = detection_defect(detection);
     if (!defect.empty()) throw std::invalid_argument("a detection is invalid: " + defect);

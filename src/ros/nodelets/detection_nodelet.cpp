@@ -9,6 +9,7 @@
 #include <sensor_msgs/PointCloud2.h>
 #include <pluginlib/class_list_macros.hpp>
 
+#include "situation_awareness/pipeline/arrivals.hpp"
 #include "situation_awareness/pipeline/hit_labels.hpp"
 #include "situation_awareness/pipeline/unmapped_segments.hpp"
 #include "situation_awareness/ros/convert/detections.hpp"
@@ -63,7 +64,7 @@ class DetectionStage {
     map_.receive();
     follow_unmapped();
     const std::vector<ExpectedOutline>& known_level = map_.outlines_at(segments.stamp_ns, segments.T_world_level);
-    detections_ = detector_->detect(segments, known_level, std::move(detections_));
+    detections_ = arrivals_.mark(segments, detector_->detect(segments, known_level, std::move(detections_)));
     context_.publish(publisher_, detections_to_msg(detections_, msg.header.frame_id));
     if (labels_publisher_.getNumSubscribers() > 0) {
       labels_ = label_hits(segments, detections_, map_.latest(), std::move(labels_));
@@ -88,6 +89,7 @@ class DetectionStage {
   std::unique_ptr<ProbableDetector> detector_;
   ros::Publisher publisher_, labels_publisher_;
   MapSubscriber map_;
+  Arrivals arrivals_;
   Detections detections_;         // kept for its memory
   std::vector<HitLabel> labels_;  // the same
   Segments segments_;             // of the latest scan
