@@ -558,7 +558,7 @@ What the map is given: the detection on the visible object that is nearest to it
 object visible. The published covariance of a detection's centre should contain the truth in {region:.0f} % of all cases.
 """
 ACCOUNTS = """
-What became of every hit ([`objects_bag --points`](../ros.md#offline-objects_bag)). Compact are the segments of at least
+What became of every hit ([`objects_bag --points`](../offline.md#objects_bag)). Compact are the segments of at least
 {hits} hits that are no structure. One is on no map if none of its hits is inside an object on the map after the
 scan, or within 0.15 m of its outline; a new object is on no map until it is confirmed. The longest time is that of one
 place, from its first scan on no map to its last, until it is on the map or not seen for 0.5 s.
