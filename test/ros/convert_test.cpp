@@ -538,6 +538,7 @@ TEST(ConvertDetections, SurvivesTheRoundTripExactly) {
   detection.middle_level_m = {2.4, -0.7};
   detection.segment = 7;
   detection.time_offset_s = 0.0123;
+  detection.hidden_end = detection.has_arrived = true;
   detections.detections.push_back(detection);
   detections.small_segments.push_back({{2.0, -0.5}, 0.11, 0.034, 3});
   detections.free_space = {{-0.5F, 0.0F, 3.25F}, {kInf, 0.0F, 29.5F}, true};
@@ -558,6 +559,8 @@ TEST(ConvertDetections, SurvivesTheRoundTripExactly) {
   EXPECT_EQ(back.detections[0].middle_level_m, detection.middle_level_m);
   EXPECT_EQ(back.detections[0].segment, 7U);
   EXPECT_EQ(back.detections[0].time_offset_s, 0.0123);
+  EXPECT_TRUE(back.detections[0].hidden_end);
+  EXPECT_TRUE(back.detections[0].has_arrived);
   ASSERT_EQ(back.small_segments.size(), 1U);
   EXPECT_EQ(back.small_segments[0].center_level_m, detections.small_segments[0].center_level_m);
   EXPECT_EQ(back.small_segments[0].width_m, 0.11);
