@@ -39,7 +39,7 @@ Detection box_detection(const Segments& segments, std::size_t segment, const Ell
   return detection;
 }
 
-/// The same, fitted to the hits, of a segment that is longer than all that the network was trained for.
+/// Returns the box that is fitted to the hits of a segment, or the one that the network judged where the fit is bad.
 Detection fitted_detection(const Segments& segments, std::size_t segment, const EllipseFitParams& fit,
                            const Detection& judged) {
   Detection fitted = fit_box(segments, segment, fit);
@@ -169,7 +169,7 @@ void ProbableDetector::refine_known(const Segments& segments) {
   }
 }
 
-/// Segments that are longer than what the network was trained for, and that are of nothing known.
+/// Fits boxes to the segments that are longer than what the network was trained for, and that are of nothing known.
 void ProbableDetector::fit_large(const Segments& segments) {
   for (std::size_t k = 0; k < objects_.size(); ++k) {
     Judged& judged = judged_[k];

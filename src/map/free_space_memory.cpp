@@ -53,9 +53,12 @@ bool FreeSpaceMemory::passes(const Remembered& scan, const Eigen::Vector2d& p_wo
 }
 
 bool FreeSpaceMemory::passes_half(const Remembered& scan, const std::vector<Eigen::Vector2d>& places_world_m) {
-  const auto passed = std::count_if(places_world_m.begin(), places_world_m.end(),
-                                    [&](const Eigen::Vector2d& p_world_m) { return passes(scan, p_world_m); });
-  return passed > 0 && 2 * static_cast<std::size_t>(passed) >= places_world_m.size();
+  const std::size_t most_missed = places_world_m.size() / 2;
+  std::size_t missed = 0;
+  for (const Eigen::Vector2d& p_world_m : places_world_m) {
+    if (!passes(scan, p_world_m) && ++missed > most_missed) return false;
+  }
+  return !places_world_m.empty();
 }
 
 std::optional<std::int64_t> FreeSpaceMemory::last_free_ns(const std::vector<Eigen::Vector2d>& places_world_m,

@@ -186,7 +186,7 @@ void ReflectorLocalization::try_sighting(std::size_t k, const Estimate<Reflector
   try_sighting(k + 1, estimate, cost + (seen.count > 0 ? gate_ : 0.0));
 }
 
-// That which `seen_[k]` is matched as.
+// Returns the candidate that `seen_[k]` is matched as.
 ReflectorLocalization::Possible& ReflectorLocalization::possible_of(std::size_t k) {
   return *std::find_if(possible_.begin() + static_cast<std::ptrdiff_t>(seen_[k].first), possible_.end(),
                        [&](const Possible& possible) { return possible.reflector == reflector_of_[k]; });

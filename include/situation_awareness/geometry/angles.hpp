@@ -20,7 +20,7 @@ inline double wrap_to_half_pi(double angle_rad) {
   return std::abs(angle_rad) <= 0.5 * kPi ? angle_rad : std::remainder(angle_rad, kPi);
 }
 
-/// Of the four directions psi + k pi / 2 the one nearest to the axis `major_rad`, as an axis.
+/// Returns that of the four directions psi + k pi / 2 which is nearest to the axis `major_rad`, as an axis.
 inline double nearest_axis(double psi_rad, double major_rad) {
   const double turns = std::round((major_rad - psi_rad) / (0.5 * kPi));
   return wrap_to_half_pi(psi_rad + turns * 0.5 * kPi);

@@ -196,7 +196,7 @@ std::size_t People::nearest_foot(std::size_t foot, double max_m, const std::vect
 
 void People::join_legs(std::int64_t stamp_ns, double step_s, const MotionParams& motion, double gate,
                        std::vector<MapElement>& elements) {
-  // Who is no person after all, and the gait of the others.
+  // A person that is part of a body is none after all; the gait of the others tells that they are.
   for (const SeenLegs& seen : seen_) {
     MapElement& person = elements[seen.element];
     if (is_in_body(person, stamp_ns, elements)) {
