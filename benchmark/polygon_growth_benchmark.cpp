@@ -8,9 +8,9 @@
 #include <utility>
 #include <vector>
 
-#include "make_chains.hpp"
 #include "map/polygons/room_polylines.hpp"
 #include "measures.hpp"
+#include "older_build.hpp"
 #include "situation_awareness/map/polygons/polygon_map.hpp"
 #include "situation_awareness/polylines/polyline_extraction.hpp"
 #include "situation_awareness/segments/segmentation.hpp"

@@ -11,7 +11,7 @@
 #include <utility>
 #include <vector>
 
-#include "make_chains.hpp"
+#include "older_build.hpp"
 #include "situation_awareness/common/random.hpp"
 #include "situation_awareness/geometry/angles.hpp"
 #include "situation_awareness/pipeline/polygon_pipeline.hpp"
@@ -123,7 +123,7 @@ const Eigen::Matrix3d kCovariance = Eigen::Vector3d(9e-6, 9e-6, 1e-6).asDiagonal
 void from_scan_to_map(benchmark::State& state) {
   Drive drive(static_cast<int>(state.range(0)));
   PolygonMap map(PolygonMapParams{});
-  map.restore(drive.polygons());
+  restore_chains(map, drive.polygons(), 0);
   const PolygonPipelineParams params;
   Scan limited;
   Points points;
@@ -173,7 +173,7 @@ void from_scan_to_both_maps(benchmark::State& state) {
   ObjectPipelineParams objects;
   objects.detections.model_folder = SITUATION_AWARENESS_SOURCE_DIR "/models";
   PolygonPipeline pipeline(PolygonPipelineParams{}, objects);
-  pipeline.map().restore(drive.polygons());
+  restore_chains(pipeline.map(), drive.polygons(), 0);
   Polygons polygons;
   const auto one = [&](const Scan& scan, const Eigen::Isometry3d& T_world_lidar) {
     pipeline.process(scan, T_world_lidar, T_world_lidar, kCovariance);

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "measures.hpp"
+#include "older_build.hpp"
 #include "situation_awareness/pose/reflector_search.hpp"
 #include "support/reflector_hall.hpp"
 #include "support/thread_cpu.hpp"
@@ -23,7 +24,7 @@ void first_pose(benchmark::State& state) {
     double known = 0.0;
     for (std::uint64_t seed = 1; seed <= kHalls; ++seed) {
       const ReflectorHall hall(seed, static_cast<int>(state.range(0)));
-      ReflectorSearch search(hall.map);
+      auto search = search_on<ReflectorSearch>(hall.map, 0);
       const double begin_us = thread_cpu_us();
       const ReflectorPose* pose = &search.find(hall.places);
       while (std::string(pose->reason) == "search not finished") pose = &search.find(hall.places);

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "measures.hpp"
+#include "older_build.hpp"
 #include "pipeline/circling_flight.hpp"
 #include "situation_awareness/common/params_yaml.hpp"
 #include "situation_awareness/common/random.hpp"
@@ -135,10 +136,10 @@ void fit(benchmark::State& state, std::vector<SplinegonElement> (*elements_of)(R
   Random random(1);
   const std::vector<SplinegonElement> before = elements_of(random), elements = elements_of(random);
   std::vector<SplinegonVertex> known, vertices;
-  if (warm) fit.fit(before, true, known);
+  if (warm) fit_closed(fit, before, known, 0);
   for (auto _ : state) {
     vertices = known;
-    benchmark::DoNotOptimize(fit.fit(elements, true, vertices));
+    benchmark::DoNotOptimize(fit_closed(fit, elements, vertices, 0));
   }
 }
 
