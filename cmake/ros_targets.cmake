@@ -134,6 +134,21 @@ target_link_libraries(${PROJECT_NAME}_bag PUBLIC
 target_precompile_headers(${PROJECT_NAME}_bag REUSE_FROM ${PROJECT_NAME}_ros)
 
 situation_awareness_node(ground_map src/ros/nodes/ground_map.cpp)
+# What check_bag finds out about a recording; not installed.
+add_library(${PROJECT_NAME}_check STATIC
+  src/ros/check/camera.cpp
+  src/ros/check/motion.cpp
+  src/ros/check/recording_check.cpp
+  src/ros/check/scanner_motion.cpp
+  src/ros/check/scans.cpp
+  src/ros/check/stamp_statistics.cpp
+  src/ros/check/topic_check.cpp
+  src/ros/check/transform_tree.cpp)
+situation_awareness_target(${PROJECT_NAME}_check)
+target_link_libraries(${PROJECT_NAME}_check PUBLIC ${PROJECT_NAME}_bag)
+target_precompile_headers(${PROJECT_NAME}_check REUSE_FROM ${PROJECT_NAME}_ros)
+
+situation_awareness_node(check_bag src/ros/tools/check_bag.cpp ${PROJECT_NAME}_check)
 situation_awareness_node(grid_bag src/ros/tools/grid_bag.cpp ${PROJECT_NAME}_bag)
 situation_awareness_node(map_bag src/ros/tools/map_bag.cpp ${PROJECT_NAME}_bag)
 situation_awareness_node(objects_bag src/ros/tools/objects_bag.cpp ${PROJECT_NAME}_bag)
@@ -177,8 +192,9 @@ install(TARGETS ${PROJECT_NAME}_core ${PROJECT_NAME}_ros ${PROJECT_NAME}_nodelet
 install(DIRECTORY include/${PROJECT_NAME}/ DESTINATION ${CATKIN_PACKAGE_INCLUDE_DESTINATION}
   FILES_MATCHING PATTERN *.hpp
   PATTERN bridges EXCLUDE  # those need messages of other packages
-  PATTERN bag EXCLUDE PATTERN evaluation EXCLUDE)  # of libraries that are not installed
+  PATTERN bag EXCLUDE PATTERN check EXCLUDE PATTERN evaluation EXCLUDE)  # of libraries that are not installed
 install(FILES nodelets.xml DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION})
 install(DIRECTORY cfg launch models DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION})
 # Of the scripts only those that a launch file starts: the others build and test a source tree.
-install(PROGRAMS examples/plot_objects_bag.py scripts/fleet_rviz DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})
+install(PROGRAMS examples/plot_objects_bag.py scripts/check_live scripts/fleet_rviz
+  DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})

@@ -1,0 +1,100 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/ros/check/camera.hpp"
+
+#include <algorithm>
+
+#include "situation_awareness/common/format.hpp"
+#include "situation_awareness/ros/convert/cloud.hpp"
+#include "situation_awareness/ros/convert/labels.hpp"
+
+namespace situation_awareness {
+namespace {
+
+void add_defects(const Counters& defects, std::size_t all, const char* remedy, TopicReport& report) {
+  for (const auto& [reason, count] : defects) {
+    report.findings.push_back({formatted("%llu of %zu messages cannot be used: %s",
+                                         static_cast<unsigned long long>(count), all, reason.c_str()),
+                               remedy});
+  }
+}
+
+}  // namespace
+
+void ImageTopicCheck::look(const sensor_msgs::Image& msg) {
+  if (stamps_.count() == 1) encoding_ = msg.encoding;
+  const std::string not_labels = labels_msg_defect(msg);
+  const std::string defect = not_labels.empty() ? "" : image_msg_defect(msg);
+  if (!defect.empty()) {
+    ++defects_[defect];
+    return;
+  }
+  if (first_) return;
+  are_labels_ = not_labels.empty();
+  first_ = msg;
+  first_->data.clear();
+}
+
+void ImageTopicCheck::add_to(TopicReport& report) const {
+  add_defects(defects_, stamps_.count(), "publish them in an encoding that is read (docs/offline.md)", report);
+  if (first_) {
+    report.facts.push_back(formatted("%u x %u pixels, %s, read as %s", first_->width, first_->height, encoding_.c_str(),
+                                     are_labels_ ? "labels" : "a picture, for the network"));
+  }
+}
+
+void CameraInfoTopicCheck::look(const sensor_msgs::CameraInfo& msg) {
+  if (!first_) first_ = msg;
+}
+
+void CameraInfoTopicCheck::add_to(TopicReport& report) const {
+  if (!first_) return;
+  const bool is_distorted = std::any_of(first_->D.begin(), first_->D.end(), [](double d) { return d != 0.0; });
+  std::string line =
+      formatted("%u x %u pixels, focal length %.1f px (K), %.1f px rectified (P), %s", first_->width, first_->height,
+                first_->K[0], first_->P[0], is_distorted ? "distorted, model " : "not distorted");
+  if (is_distorted) line += first_->distortion_model;
+  report.facts.push_back(line);
+  if (!(first_->K[0] > 0.0)) {
+    report.findings.push_back(
+        {"the camera is not calibrated: its focal length is not positive", "calibrate it (camera_calibration)"});
+  }
+}
+
+void CloudTopicCheck::look(const sensor_msgs::PointCloud2& msg) {
+  const std::string defect = cloud_msg_defect(msg);
+  if (!defect.empty()) {
+    ++defects_[defect];
+    return;
+  }
+  if (good_ == 0) {
+    rows_ = msg.height;
+    columns_ = msg.width;
+    for (const sensor_msgs::PointField& field : msg.fields) fields_ += (fields_.empty() ? "" : " ") + field.name;
+  }
+  ++good_;
+  const std::optional<CloudTimes> times = cloud_msg_times(msg);
+  if (!times) ++with_bad_times_;
+  if (times && times->last_s > times->first_s) {
+    ++with_times_;
+    longest_s_ = std::max(longest_s_, times->last_s - times->first_s);
+  }
+}
+
+void CloudTopicCheck::add_to(TopicReport& report) const {
+  add_defects(defects_, stamps_.count(), "mend the driver's message", report);
+  if (good_ == 0) return;
+  report.facts.push_back(formatted("%zu x %zu points, fields %s", rows_, columns_, fields_.c_str()));
+  report.facts.push_back(with_times_ > 0 ? formatted("times of points, %.1f ms from first to last", 1e3 * longest_s_)
+                                         : "no times of points: all are taken at the stamp");
+  if (rows_ == 1) {
+    report.findings.push_back({"the clouds have no rows: they do not say where the sensor met nothing",
+                               "let the driver organize them (Velodyne: organize_cloud:=true), so that free space is "
+                               "known"});
+  }
+  if (with_bad_times_ > 0) {
+    report.findings.push_back({formatted("the times of points of %zu of %zu clouds cannot be", with_bad_times_, good_),
+                               "their points are all taken at the stamp: mend the field of times"});
+  }
+}
+
+}  // namespace situation_awareness
