@@ -24,7 +24,7 @@ constexpr double kMaxPeriod_s = 0.4;
 /// Of the scans of a window: errors of poses grow with time, but slow changes of the motion need time to show.
 constexpr double kMaxWindow_s = 5.0;
 constexpr int kMinScans = 6;
-/// A window ends when the motion in it gives the lag with this standard deviation.
+/// A window ends when the motion in it gives the lag with this standard deviation, and another one begins.
 constexpr double kEnough_s = 0.02;
 /// Of a key scan to the scans that are placed by it.
 constexpr double kMaxTravel_m = 2.5;
@@ -37,8 +37,11 @@ constexpr double kOffsetYawSigma_rad = 0.003;
 constexpr std::size_t kMaxWindows = 64;
 /// A window that says less about the lag than this standard deviation is left out.
 constexpr double kMaxWindowSigma_s = 0.3;
-/// Fewer windows, counted by their weights, do not show their own spread.
-constexpr double kMinWindows = 6.0;
+/// Fewer windows, counted by their weights, do not show their own spread. Below `kManyWindows` they show it badly:
+/// three standard deviations are then as many times wider as Student's t has them beside its value for `kManyWindows`.
+constexpr double kMinWindows = 4.0;
+constexpr double kManyWindows = 6.0;
+constexpr double kFewWindowsPower = 1.3;
 /// Of the information about the lag that the motion promises, what the cost must have.
 constexpr double kMinSeen = 0.5;
 /// Of errors that all windows share: motion within a scan, and between two poses.
@@ -185,9 +188,11 @@ void PoseOffsetEstimator::begin_window(const Placed& key) {
   for (int lag = 0; lag < kLags; ++lag) {
     in_window_ = in_window_ && pose_at(key.stamp_ns, lag_s(lag), sums_.T_world_key[static_cast<std::size_t>(lag)]);
   }
-  sums_.key_stamp_ns = key.stamp_ns;
+  clear_sums();
+}
+
+void PoseOffsetEstimator::clear_sums() {
   sums_.scans = 0;
-  sums_.is_enough = false;
   sums_.information.setZero();
   sums_.weighted.fill(Eigen::Vector3d::Zero());
   sums_.squares.fill(0.0);
@@ -226,9 +231,12 @@ void PoseOffsetEstimator::add_to_window(const Placed& placed) {
   sums_.change_squares += change.dot(weighted);
   sums_.information += W;
   ++sums_.scans;
-  if (sums_.is_enough || sums_.scans < kMinScans) return;
-  sums_.is_enough = lag_information(information_inverse(sums_.information)) * kEnough_s * kEnough_s >= 1.0;
-  if (sums_.is_enough && key_stamp_ns_ == sums_.key_stamp_ns) has_key_ = false;  // the next scan begins another window
+  if (sums_.scans < kMinScans) return;
+  const bool is_enough = lag_information(information_inverse(sums_.information)) * kEnough_s * kEnough_s >= 1.0;
+  if (!is_enough) return;
+  // The next window may have the same key scan: its error, and that of its pose, is the same for all scans of a window.
+  finish_window();
+  clear_sums();
 }
 
 /// About the lag, with the error of the key scan's pose unknown: squares about the weighted mean.
@@ -237,7 +245,6 @@ double PoseOffsetEstimator::lag_information(const Eigen::Matrix3d& inverse) cons
 }
 
 void PoseOffsetEstimator::finish_window() {
-  in_window_ = false;
   if (sums_.scans < kMinScans) return;
   const Eigen::Matrix3d inverse = information_inverse(sums_.information);
   const double information = lag_information(inverse);
@@ -298,7 +305,8 @@ void PoseOffsetEstimator::update_estimate() {
   // Poses that change by their noise alone promise information that the cost does not have.
   const bool is_seen = 0.5 * curvature >= kMinSeen * total * kLagStep_s * kLagStep_s;
   if (effective < kMinWindows || !is_seen) return;
-  const double spread_s = kLagStep_s * std::sqrt(slopes2 * effective / (effective - 1.0)) / curvature;
+  const double few = std::pow(std::max(kManyWindows / effective, 1.0), kFewWindowsPower);
+  const double spread_s = few * kLagStep_s * std::sqrt(slopes2 * effective / (effective - 1.0)) / curvature;
   const double sigma_s = std::hypot(spread_s, kModelSigma_s);
   if (!(sigma_s <= kMaxSigma_s)) return;
   estimate_.is_known = true;

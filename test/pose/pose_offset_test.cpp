@@ -49,6 +49,19 @@ TEST(PoseOffsetEstimator, FindsHowLatePosesAre) {
   }
 }
 
+TEST(PoseOffsetEstimator, FindsItIn15sOfTurningToBothSides) {
+  for (const double most_rad_s : {0.4, 0.7, 1.2}) {
+    for (const double lag_s : {0.0, 0.03, 0.1, 0.2}) {
+      RoomDrive drive([most_rad_s](double t_s) {
+        return Pose2{{0.8 * std::sin(0.25 * t_s), 0.5 * std::sin(0.4 * t_s)}, most_rad_s / 0.6 * std::sin(0.6 * t_s)};
+      });
+      const PoseOffset found = estimate(drive, late(drive, lag_s), 0.0, 15.0);
+      EXPECT_TRUE(found.is_known) << lag_s << " s at " << most_rad_s << " rad/s";
+      EXPECT_NEAR(found.offset_s, lag_s, 0.01) << most_rad_s;
+    }
+  }
+}
+
 TEST(PoseOffsetEstimator, CountsWithTheOffsetInUse) {
   for (const double used_s : {-0.2, 0.1, kLag_s}) {
     RoomDrive drive(RoomDrive::lively);

@@ -69,9 +69,7 @@ class PoseOffsetEstimator {
   /// Sums over the scans of a window, for each lag; errors are in the frame of the key scan.
   struct Sums {
     OfLags<Pose2> T_world_key;
-    std::int64_t key_stamp_ns = 0;
     int scans = 0;
-    bool is_enough = false;  ///< they give the lag well enough
     Eigen::Matrix3d information;
     OfLags<Eigen::Vector3d> weighted;
     OfLags<double> squares;
@@ -93,6 +91,7 @@ class PoseOffsetEstimator {
   bool pose_at(std::int64_t stamp_ns, double lag_s, Pose2& T_world_level) const;
   void use_placed();
   void begin_window(const Placed& key);
+  void clear_sums();
   void add_to_window(const Placed& placed);
   double lag_information(const Eigen::Matrix3d& inverse) const;
   void finish_window();
