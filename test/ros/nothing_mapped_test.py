@@ -151,7 +151,11 @@ CASES = [
     # Reflectors.
     Case("dim", "polygons_bag", polygons(bright=240.0, dim=30.0), "the brightest beam is 240, below reflectors/min_intensity 430"),
     Case("dim_survey", "record_reflectors", reflectors(bright=240.0, dim=30.0),
-         "the brightest beam is 240, below reflectors/min_intensity 430"),
+         "the brightest beam is 240, below reflectors/min_intensity 430", "in two groups, up to 32 and from 240 on",
+         "set reflectors/min_intensity and reflectors/min_peak_intensity to 88"),
+    Case("of_0_to_1", "polygons_bag", polygons(bright=0.9, dim=0.05),
+         "the brightest beam is 0.9, below reflectors/min_intensity 430", "reflectors/min_peak_intensity to 0.2"),
+    Case("of_16_bits", "polygons_bag", polygons(bright=60000.0, dim=9000.0), code=0),
     Case("nearly_bright", "polygons_bag", polygons(bright=440.0),
          "the brightest beam is 440, below reflectors/min_peak_intensity 450"),
     Case("no_intensities", "polygons_bag", polygons(change=without_intensities), "the scans have no intensities"),
