@@ -12,13 +12,20 @@ namespace {
 constexpr double kMaxFirstAngle_rad = 100.0;
 constexpr double kMinIncrement_rad = 1e-6;
 
+/// What is less below range_max says the same as range_max: more than the rounding of drivers, and than the 0.1 mm by
+/// which costmap_2d keeps "nothing there" in range (obstacle_layer.cpp, laserScanValidInfCallback), and less than the
+/// millimetre in which scanners count. A surface there is lost, but up to it all is free.
+constexpr float kRangeMaxRounding_m = 5e-4F;
+
 }  // namespace
 
 Beam beam_from_range(float range_m, float range_min_m, float range_max_m) {
   if (std::isnan(range_m)) return {0.0F, BeamState::kInvalid};
   const bool infinite = std::isinf(range_m);
   if (infinite && range_m < 0.0F) return {0.0F, BeamState::kTooClose};
-  if (infinite || range_m > range_max_m) return {range_max_m > 0.0F ? range_max_m : 0.0F, BeamState::kFree};
+  const bool is_range_max = range_m > 0.0F && range_m > range_max_m - kRangeMaxRounding_m;
+  if (infinite || is_range_max || range_m > range_max_m)
+    return {range_max_m > 0.0F ? range_max_m : 0.0F, BeamState::kFree};
   if (range_m < range_min_m || range_m <= 0.0F) return {0.0F, BeamState::kInvalid};
   return {range_m, BeamState::kHit};
 }

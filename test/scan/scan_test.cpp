@@ -34,6 +34,19 @@ TEST(BeamFromRange, ClassifiesFiniteRangesByTheSensorsLimits) {
   EXPECT_EQ(hit.range_m, 2.5F);
 }
 
+TEST(BeamFromRange, IsFreeAtRangeMaxToRounding) {
+  for (const float range_max_m : {3.5F, 5.6F, 8.0F, 30.0F, 120.0F}) {
+    for (const float below_m : {0.0F, 1e-6F, 1e-4F, -1e-6F}) {
+      const Beam beam = beam_from_range(range_max_m - below_m, 0.1F, range_max_m);
+      EXPECT_EQ(beam.state, BeamState::kFree) << range_max_m << " - " << below_m;
+      EXPECT_EQ(beam.range_m, range_max_m);
+    }
+    EXPECT_EQ(beam_from_range(range_max_m - 1e-3F, 0.1F, range_max_m).state, BeamState::kHit) << range_max_m;
+  }
+  EXPECT_EQ(beam_from_range(static_cast<float>(5600 * 0.001), 0.02F, 5.6F).state, BeamState::kFree);
+  EXPECT_EQ(beam_from_range(0.0F, 0.0F, 0.0F).state, BeamState::kInvalid);
+}
+
 TEST(BeamFromRange, IsFreeAsFarAsTheSensorReaches) {
   EXPECT_EQ(beam_from_range(kInfinity, 0.1F, 30.0F).range_m, 30.0F);
   EXPECT_EQ(beam_from_range(31.0F, 0.1F, 30.0F).range_m, 30.0F);

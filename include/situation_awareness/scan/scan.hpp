@@ -43,8 +43,8 @@ struct Scan {
 };
 
 /// The state of a beam by REP-117 from its raw range. A finite range below `range_min_m` (drivers send 0 or negative
-/// codes) is invalid; one above `range_max_m` is free, since drivers older than REP-117 send range_max + 1 for no
-/// return. A free beam has the range `range_max_m`: the sensor has no information beyond it.
+/// codes) is invalid; one of `range_max_m`, to rounding, or more is free, since simulators and drivers older than
+/// REP-117 send it for no return. A free beam has the range `range_max_m`: the sensor has no information beyond it.
 Beam beam_from_range(float range_m, float range_min_m, float range_max_m);
 
 /// Reason why a scan cannot be used; empty if it can. Checked: at least two beams, finite angles, an increment
