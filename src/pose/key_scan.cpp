@@ -131,6 +131,7 @@ ScanMatch KeyScan::match(const Points& points, const Pose2& guess) const {
 
   ScanMatch result;
   result.T_key_level = guess;
+  result.misfit_m = kMaxLastDistance_m;
   for (int iteration = 0; iteration < kIterations; ++iteration) {
     const bool is_last = iteration + 1 == kIterations;
     const double max_distance_m = iteration < 2 ? kMaxDistance_m : kMaxLastDistance_m;
@@ -168,6 +169,9 @@ ScanMatch KeyScan::match(const Points& points, const Pose2& guess) const {
       b -= weight * pairs[i].offset_m * pairs[i].gradient;
     }
     if (is_last) {
+      double sum_m = kMaxLastDistance_m * static_cast<double>(hits - count);
+      for (std::size_t i = 0; i < count; ++i) sum_m += std::abs(pairs[i].offset_m);
+      result.misfit_m = sum_m / static_cast<double>(hits);
       result.information = H;
       result.is_valid = static_cast<double>(count) >= kMinPaired * static_cast<double>(hits) &&
                         static_cast<double>(agreeing) >= kMinAgreeing * static_cast<double>(count);

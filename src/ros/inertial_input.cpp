@@ -17,17 +17,17 @@ namespace {
 /// Scans that wait, at least: of 30 s at 60 Hz. At 1081 beams with intensities these are 18 MB.
 constexpr std::size_t kLeastWaiting = 2000;
 
-ScansOnBase::Params scans_params(const NodeletParams& params) {
+ScansOnBase::Params scans_params(const NodeletParams& params, const ScannerParams& scanner) {
   return {params.deskew, std::max(params.tf_timeout_s, InertialNavigation::kBacklog_s),
-          std::max(static_cast<std::size_t>(params.queue_size), kLeastWaiting), params.max_stamp_ahead_s};
+          std::max(static_cast<std::size_t>(params.queue_size), kLeastWaiting), params.max_stamp_ahead_s, scanner};
 }
 
 }  // namespace
 
-InertialInput::InertialInput(Context& context, const GpsInsNodeletParams& params)
+InertialInput::InertialInput(Context& context, const GpsInsNodeletParams& params, const ScannerParams& scanner)
     : context_(context),
       max_stamp_ahead_s_(params.nodelet.max_stamp_ahead_s),
-      scans_(context.node(), scans_params(params.nodelet),
+      scans_(context.node(), scans_params(params.nodelet, scanner),
              {[this](const auto& reason, const auto& detail) { context_.drop(reason, detail); },
               [this] { return why_no_pose(); }}),
       navigation_(params, scans_.tf(),

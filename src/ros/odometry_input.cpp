@@ -21,17 +21,18 @@ constexpr const char* kNoOdometry = "no odometry";
 
 }  // namespace
 
-OdometryInput::OdometryInput(Context& context, const NodeletParams& params, const OdometryFrames& frames, Use use)
+OdometryInput::OdometryInput(Context& context, const NodeletParams& params, const ScannerParams& scanner,
+                             const OdometryFrames& frames, Use use)
     : context_(context),
       frames_(frames),
       world_frame_(params.world_frame),
       max_stamp_ahead_s_(params.max_stamp_ahead_s),
       use_(std::move(use)),
-      scans_(
-          context.node(),
-          {params.deskew, params.tf_timeout_s, static_cast<std::size_t>(params.queue_size), params.max_stamp_ahead_s},
-          {[this](const auto& reason, const auto& detail) { context_.drop(reason, detail); },
-           [this] { return std::make_pair(std::string(kNoOdometry), why_unplaced()); }}),
+      scans_(context.node(),
+             {params.deskew, params.tf_timeout_s, static_cast<std::size_t>(params.queue_size), params.max_stamp_ahead_s,
+              scanner},
+             {[this](const auto& reason, const auto& detail) { context_.drop(reason, detail); },
+              [this] { return std::make_pair(std::string(kNoOdometry), why_unplaced()); }}),
       refusals_(context.name()) {
   scans_.set_base_frame(frames.base);
   context.diagnostics().on_report([this](StageDiagnostics::Status& status) { report(status); });

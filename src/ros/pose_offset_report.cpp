@@ -26,11 +26,20 @@ std::string pose_offset_text(const PoseOffset& estimate) {
   return formatted("%.3f s, sigma %.3f s", estimate.offset_s, estimate.sigma_s);
 }
 
-void report_pose_offset(const PoseOffsetEstimator& estimator, StageDiagnostics::Status& status) {
+void report_scanner(const ScannerCheck& check, StageDiagnostics::Status& status) {
+  status.add("nothing there", check.no_return_text());
+  for (const std::string& advice : check.advice()) {
+    status.mergeSummary(diagnostic_msgs::DiagnosticStatus::WARN, advice);
+  }
+}
+
+void report_pose_offset(const ScannerCheck& check, StageDiagnostics::Status& status) {
+  const PoseOffsetEstimator& estimator = check.pose_offset();
   status.addf("scan_pose_offset_s", "%.3f", estimator.used_offset_s());
   status.add("scan-pose offset estimate", pose_offset_text(estimator.estimate()));
-  const std::string advice = pose_offset_advice(estimator);
-  if (!advice.empty()) status.mergeSummary(diagnostic_msgs::DiagnosticStatus::WARN, advice);
+  if (check.is_out_of_step()) {
+    status.mergeSummary(diagnostic_msgs::DiagnosticStatus::WARN, pose_offset_advice(estimator));
+  }
 }
 
 }  // namespace situation_awareness

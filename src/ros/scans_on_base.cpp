@@ -7,6 +7,7 @@
 
 #include "situation_awareness/common/time.hpp"
 #include "situation_awareness/ros/convert/poses.hpp"
+#include "situation_awareness/ros/convert/scan.hpp"
 #include "situation_awareness/ros/convert/time.hpp"
 #include "situation_awareness/ros/receipt.hpp"
 #include "situation_awareness/ros/scan_check.hpp"
@@ -37,7 +38,8 @@ void ScansOnBase::dropped(const std::string& reason, const std::string& detail) 
   use_.drop(no_pose, why);
 }
 
-StampOrder::Verdict ScansOnBase::add(const ArrivedScan& scan) {
+StampOrder::Verdict ScansOnBase::add(const ArrivedScan& arrived) {
+  const ArrivedScan scan{conventional(arrived.msg, params_.scanner), arrived.at};
   const std::string defect = scan_msg_defect(*scan.msg);
   if (!defect.empty()) {
     use_.drop(defect, "");

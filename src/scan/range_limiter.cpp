@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "situation_awareness/scan/range_limiter.hpp"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
+#include <initializer_list>
 #include <stdexcept>
 #include <utility>
 
@@ -32,8 +34,21 @@ void read_yaml_text(const std::string& yaml, std::vector<HalfSpace>& volume) try
   throw std::invalid_argument("must be a list of [nx, ny, nz, offset_m]");
 }
 
+void ScannerParams::validate() const {
+  const auto check = [](const char* name, const std::string& value, std::initializer_list<const char*> known) {
+    if (std::find(known.begin(), known.end(), value) != known.end()) return;
+    std::string list;
+    for (const char* one : known) list += (list.empty() ? "" : ", ") + std::string(one);
+    throw std::invalid_argument("scan." + std::string(name) + " = " + value + " is unknown, known are: " + list);
+  };
+  check("no_return", no_return, {"inf", "nan", "range_max", "zero"});
+  check("beam_order", beam_order, {"backward", "forward"});
+  check("stamp_at", stamp_at, {"first", "last", "middle"});
+}
+
 void RangeLimiterParams::validate() const {
   check_bounds(*this, "scan");
+  scanner.validate();
   if (!(min_range_m < max_range_m)) throw std::invalid_argument("scan.min_range_m must be less than scan.max_range_m");
   for (const HalfSpace& half_space : volume) {
     if (!half_space.normal_world.allFinite() || !std::isfinite(half_space.offset_m) ||

@@ -36,7 +36,8 @@ TEST(AggregateSize, CountsMembers) {
 
 TEST(ParamsStructs, DeclareAllTheirMembers) {
   EXPECT_EQ(declared_size<CloudSliceParams>(), aggregate_size<CloudSliceParams>());
-  EXPECT_EQ(declared_size<RangeLimiterParams>(), aggregate_size<RangeLimiterParams>());
+  EXPECT_EQ(declared_size<ScannerParams>(), aggregate_size<ScannerParams>());
+  EXPECT_EQ(declared_size<RangeLimiterParams>(), aggregate_size<RangeLimiterParams>() + 2) << "three in one member";
   EXPECT_EQ(declared_size<SegmentationParams>() + 3, aggregate_size<SegmentationParams>());
   EXPECT_EQ(declared_size<EllipseFitParams>() + 4, aggregate_size<EllipseFitParams>());
   EXPECT_EQ(declared_size<DoglegParams>(), aggregate_size<DoglegParams>());

@@ -4,11 +4,14 @@
 #include <cstdint>
 #include <functional>
 #include <limits>
+#include <string>
 #include <tuple>
+#include <utility>
 #include <vector>
 
 #include <gtest/gtest.h>
 #include <sensor_msgs/point_cloud2_iterator.h>
+#include <boost/make_shared.hpp>
 
 #include "situation_awareness/geometry/angles.hpp"
 #include "situation_awareness/geometry/lie_groups.hpp"
@@ -233,6 +236,70 @@ TEST(ConvertScan, DistinguishesTheThreeCasesOfRep117) {
   EXPECT_EQ(scan.beams[4].state, BeamState::kInvalid);
   EXPECT_EQ(scan.beams[5].state, BeamState::kInvalid);
   EXPECT_EQ(scan.beams[6].state, BeamState::kFree);
+}
+
+/// By the letters h, f, i of hit, free and invalid.
+std::string states_of(const Scan& scan) {
+  std::string states;
+  for (const Beam& beam : scan.beams) {
+    states += beam.state == BeamState::kHit ? "h" : beam.state == BeamState::kFree ? "f" : "i";
+  }
+  return states;
+}
+
+TEST(ConvertScan, TakesForNothingWhatTheDriverSendsForIt) {
+  const auto msg = boost::make_shared<sensor_msgs::LaserScan>(scan_msg({kInf, 31.0F, 30.0F, 0.0F, kNan, 2.0F}));
+  const auto states = [&msg](const char* no_return) {
+    ScannerParams scanner;
+    scanner.no_return = no_return;
+    return states_of(scan_from_msg(*conventional(msg, scanner)));
+  };
+  EXPECT_EQ(states("inf"), "ffhiih");
+  EXPECT_EQ(states("range_max"), "fffiih");
+  EXPECT_EQ(states("zero"), "ffffih");
+  EXPECT_EQ(states("nan"), "fffifh");
+}
+
+TEST(ConvertScan, TakesNoiseBesideRangeMaxForNothing) {
+  EXPECT_EQ(states_of(scan_from_msg(scan_msg({30.0F, 29.97F, 29.99F, 30.0F, 12.0F, 29.98F}))), "ffffhf");
+  EXPECT_EQ(states_of(scan_from_msg(scan_msg({30.0F, 29.9F, 29.8F}))), "fhh");  // a wall
+  EXPECT_EQ(states_of(scan_from_msg(scan_msg({kInf, 29.97F, 31.0F, 29.99F}))), "fhfh");
+  EXPECT_EQ(states_of(scan_from_msg(scan_msg({30.0F, 1.0F, 1.0F, 1.0F, 1.0F, 1.0F, 29.99F}))), "fhhhhhh");
+}
+
+TEST(ConvertScan, PutsBeamsInTheOrderOfTheirTimes) {
+  auto driver = scan_msg({1.0F, 2.0F, 3.0F, 4.0F, 5.0F});
+  driver.intensities = {10.0F, 20.0F, 30.0F, 40.0F, 50.0F};
+  driver.time_increment = 0.125F;  // exact in binary
+  const auto msg = boost::make_shared<sensor_msgs::LaserScan>(driver);
+  ScannerParams scanner;
+  EXPECT_EQ(conventional(msg, scanner), msg);
+  scanner.beam_order = "backward";
+  const Scan before = scan_from_msg(*msg), scan = scan_from_msg(*conventional(msg, scanner));
+  EXPECT_EQ(scan.time_increment_s, 0.125);
+  EXPECT_EQ(scan.stamp_ns, kStamp_ns);
+  for (std::size_t i = 0; i < 5; ++i) {
+    const std::size_t k = 4 - i;
+    EXPECT_EQ(scan.beams[i].range_m, before.beams[k].range_m);
+    EXPECT_EQ(scan.beams[i].intensity, before.beams[k].intensity);
+    EXPECT_NEAR(scan.angle_min_rad + static_cast<double>(i) * scan.angle_increment_rad,
+                before.angle_min_rad + static_cast<double>(k) * before.angle_increment_rad, 1e-6);
+  }
+}
+
+TEST(ConvertScan, StampsTheFirstBeam) {
+  auto driver = scan_msg({1.0F, 2.0F, 3.0F, 4.0F, 5.0F});
+  driver.time_increment = 0.125F;
+  for (const auto& [stamp_at, before_ns] : {std::pair("first", 0), {"middle", 250'000'000}, {"last", 500'000'000}}) {
+    ScannerParams scanner;
+    scanner.stamp_at = stamp_at;
+    const auto msg = conventional(boost::make_shared<sensor_msgs::LaserScan>(driver), scanner);
+    EXPECT_EQ(scan_from_msg(*msg).stamp_ns, kStamp_ns - before_ns) << stamp_at;
+    EXPECT_EQ(to_nanoseconds(time_of_last_beam(*msg)), kStamp_ns - before_ns + 500'000'000) << stamp_at;
+    driver.header.stamp = ros::Time();
+    EXPECT_TRUE(conventional(boost::make_shared<sensor_msgs::LaserScan>(driver), scanner)->header.stamp.isZero());
+    driver.header.stamp = to_ros_time(kStamp_ns);
+  }
 }
 
 TEST(ConvertScan, SurvivesTheRoundTrip) {

@@ -59,20 +59,21 @@ def quaternion_of(R):
 
 
 def ranges(x, y, angles, corners, posts=()):
-    """From a place to the sides of a polygon and to posts (x, y, radius)."""
+    """From a place, or one for each angle, to the sides of a polygon and to posts (x, y, radius)."""
+    origin = np.stack(np.broadcast_arrays(x, y), -1)
     towards = np.stack([np.cos(angles), np.sin(angles)], 1)
     result = np.full(len(angles), np.inf)
     with np.errstate(divide="ignore", invalid="ignore"):
         for a, b in zip(corners, corners[1:] + corners[:1]):
-            side, to = np.subtract(b, a), np.subtract(a, (x, y))
+            side, to = np.subtract(b, a), np.subtract(a, origin)
             across = towards[:, 0] * side[1] - towards[:, 1] * side[0]
-            along = (to[0] * side[1] - to[1] * side[0]) / across
-            part = (to[0] * towards[:, 1] - to[1] * towards[:, 0]) / across
+            along = (to[..., 0] * side[1] - to[..., 1] * side[0]) / across
+            part = (to[..., 0] * towards[:, 1] - to[..., 1] * towards[:, 0]) / across
             result = np.where((along > 0) & (part >= 0) & (part <= 1) & (along < result), along, result)
         for px, py, radius in posts:
-            to = np.array([px - x, py - y])
-            ahead = towards @ to
-            inside = ahead**2 - to @ to + radius**2
+            to = np.subtract((px, py), origin)
+            ahead = (towards * to).sum(-1)
+            inside = ahead**2 - (to * to).sum(-1) + radius**2
             along = ahead - np.sqrt(inside)
             result = np.where((inside > 0) & (ahead > 0) & (along < result), along, result)
     return result
@@ -92,6 +93,51 @@ def scan(t, pose, corners, posts=(), beams=721, frame="laser", range_max=30.0, s
     noise = np.random.default_rng(1000 * seed + int(1000 * t)).normal(0, sigma_m, beams)
     msg.ranges = list(np.where(np.isfinite(measured), measured + noise, np.inf))
     return msg
+
+
+def turning_pose(t):
+    """It drives slowly to and fro and turns to both sides; t may be an array."""
+    return 0.8 * np.sin(0.25 * t), 0.5 * np.sin(0.4 * t), 1.2 * np.sin(0.6 * t)
+
+
+def sweep(t, corners, posts=(), beams=360, sweep_s=0.095, order=1, stamp_part=0.0, range_max=12.0, sigma_m=0.01,
+          nothing=None):
+    """A full turn of turning_pose whose first beam is measured at t. `order`: -1 where the last beam of the array is that.
+    `stamp_part`: of the sweep, where the stamp is. `nothing`: what is sent for "nothing there" in place of +inf, by a
+    generator of random numbers."""
+    random = np.random.default_rng(int(1000 * t))
+    part = np.arange(beams) / (beams - 1)
+    x, y, yaw = turning_pose(t + sweep_s * part)
+    x, y = x + LIDAR_X_M * np.cos(yaw), y + LIDAR_X_M * np.sin(yaw)
+    step = order * 2 * math.pi / beams
+    first = -order * math.pi
+    measured = ranges(x, y, yaw + first + step * np.arange(beams), corners, posts)
+    measured = np.where(np.isfinite(measured), measured + random.normal(0, sigma_m, beams), np.inf)
+    measured[measured >= range_max] = np.inf
+    if nothing is not None:
+        measured = np.where(np.isinf(measured), nothing(random, beams), measured)
+    msg = LaserScan()
+    msg.header.stamp, msg.header.frame_id = at(t + stamp_part * sweep_s), "laser"
+    msg.angle_min, msg.angle_max, msg.angle_increment = first, first + step * (beams - 1), step
+    msg.range_min, msg.range_max, msg.scan_time, msg.time_increment = 0.05, range_max, 0.1, sweep_s / (beams - 1)
+    msg.ranges = list(measured)
+    if order < 0:  # as a driver that turns the array round, so that angles increase
+        msg.angle_min, msg.angle_max, msg.angle_increment = msg.angle_max, msg.angle_min, -step
+        msg.ranges.reverse()
+    return msg
+
+
+def turning(seconds, corners=(), posts=(), late_s=0.0, **scanner):
+    """TF of a robot by turning_pose, `late_s` late, and sweeps at 10 Hz."""
+    messages = [(0.0, "/tf_static", transform(0, "base_link", "laser", (LIDAR_X_M, 0.0, 0.3)))]
+    for k in range(int(50 * seconds) + 10):
+        t = k / 50
+        x, y, yaw = turning_pose(t - late_s)
+        messages.append((t, "/tf", transform(t, "odom", "base_link", (x, y, 0.0), about_z(yaw))))
+    for k in range(int(10 * seconds) - 1):
+        t = 0.05 + k / 10
+        messages.append((t + 0.11, "/scan", sweep(t, list(corners), posts, **scanner)))
+    return messages
 
 
 def robot_pose(t):

@@ -157,6 +157,21 @@ TEST(RangeLimiter, VolumeIsFixedInTheWorld) {
   EXPECT_LT(inside, 310);
 }
 
+TEST(ScannerParams, RefusesWrongValuesByName) {
+  const auto refused = [](auto change) {
+    ScannerParams params;
+    change(params);
+    return refusal_of([&] { params.validate(); });
+  };
+  EXPECT_EQ(refused([](auto&) {}), "");
+  EXPECT_EQ(refused([](auto& p) { p.no_return = "0"; }),
+            "scan.no_return = 0 is unknown, known are: inf, nan, range_max, zero");
+  EXPECT_EQ(refused([](auto& p) { p.beam_order = "reversed"; }),
+            "scan.beam_order = reversed is unknown, known are: backward, forward");
+  EXPECT_EQ(refused([](auto& p) { p.stamp_at = "end"; }),
+            "scan.stamp_at = end is unknown, known are: first, last, middle");
+}
+
 TEST(RangeLimiterParams, RefusesWrongValuesByName) {
   RangeLimiterParams params;
   params.max_range_m = -1.0;

@@ -18,6 +18,9 @@ struct ScanMatch {
   /// Inverse covariance of its error (x, y in m, yaw in rad), T_key_level = truth * exp(error), by the spread of the
   /// hits about the surfaces; nearly 0 along a corridor.
   Eigen::Matrix3d information = Eigen::Matrix3d::Zero();
+  /// Mean distance of the hits from the surfaces, also where the match is not valid: one that is farther away than
+  /// 0.1 m, or has no surface, counts as so far.
+  double misfit_m = 0.0;
 };
 
 /// A scan by which later ones are placed: their hits are moved onto its surfaces (point to line, Censi, "An ICP variant

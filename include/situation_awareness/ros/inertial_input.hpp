@@ -53,7 +53,7 @@ class InertialInput {
 
   /// A stamp of a scan that goes back by more than StampOrder::kResetTimeJump_s is a restart. Throws
   /// std::invalid_argument as the parameters' check.
-  InertialInput(Context& context, const GpsInsNodeletParams& params);
+  InertialInput(Context& context, const GpsInsNodeletParams& params, const ScannerParams& scanner);
   InertialInput(const InertialInput&) = delete;
   InertialInput& operator=(const InertialInput&) = delete;
 

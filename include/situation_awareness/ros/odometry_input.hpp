@@ -47,7 +47,8 @@ class OdometryInput {
 
   /// `frames`: those of the messages if empty. A stamp of a scan that goes back by more than
   /// StampOrder::kResetTimeJump_s is a restart.
-  OdometryInput(Context& context, const NodeletParams& params, const OdometryFrames& frames, Use use);
+  OdometryInput(Context& context, const NodeletParams& params, const ScannerParams& scanner,
+                const OdometryFrames& frames, Use use);
   OdometryInput(const OdometryInput&) = delete;
   OdometryInput& operator=(const OdometryInput&) = delete;
 

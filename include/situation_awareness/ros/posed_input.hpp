@@ -48,9 +48,10 @@ class PosedInput {
   using ConstPtr = boost::shared_ptr<const Message>;
 
   struct Use {
-    std::function<std::string(const Message&)> defect;  ///< reason to drop it at once; empty if it is valid
-    std::function<Taken(const Message&)> taken;         ///< its time and frame
-    std::function<void()> restarted;                    ///< called after a restart of stamps
+    std::function<std::string(const Message&)> defect;     ///< reason to drop it at once; empty if it is valid
+    std::function<Taken(const Message&)> taken;            ///< its time and frame
+    std::function<void()> restarted;                       ///< called after a restart of stamps
+    std::function<ConstPtr(const ConstPtr&)> before = {};  ///< called first; what it returns is used in its place
   };
 
   /// `pose_offset_s` later than a measurement is its pose.
@@ -96,7 +97,8 @@ class PosedInput {
     PosedInput& input;
   };
 
-  void take(const ConstPtr& msg, const ros::SteadyTime& arrival) {
+  void take(const ConstPtr& arrived, const ros::SteadyTime& arrival) {
+    const ConstPtr msg = use_.before ? use_.before(arrived) : arrived;
     const std::string defect = use_.defect(*msg);
     if (!defect.empty()) return context_.diagnostics().dropped(defect);
     const Taken taken = use_.taken(*msg);

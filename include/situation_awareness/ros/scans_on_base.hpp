@@ -17,6 +17,7 @@
 
 #include "situation_awareness/ros/transform_input.hpp"
 #include "situation_awareness/ros/transform_queue.hpp"
+#include "situation_awareness/scan/scanner_params.hpp"
 
 namespace situation_awareness {
 
@@ -42,6 +43,7 @@ class ScansOnBase {
     double timeout_s = 0.5;            ///< how long a scan waits for its poses
     std::size_t max_waiting = 20;      ///< scans
     double max_stamp_ahead_s = 600.0;  ///< of ROS time
+    ScannerParams scanner = {};
   };
   struct Use {
     std::function<void(const std::string& reason, const std::string& detail)> drop;
@@ -57,7 +59,7 @@ class ScansOnBase {
   void set_base_frame(const std::string& frame) { base_frame_ = frame; }
 
   /// kRestart: all that waited were dropped, and the poses were forgotten.
-  StampOrder::Verdict add(const ArrivedScan& scan);
+  StampOrder::Verdict add(const ArrivedScan& arrived);
 
   /// From odom to base at its stamp; its names of frames do not matter. Throws as tf2.
   void add_pose(geometry_msgs::TransformStamped T_odom_base);

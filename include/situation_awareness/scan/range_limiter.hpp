@@ -8,6 +8,7 @@
 
 #include "situation_awareness/common/params.hpp"
 #include "situation_awareness/scan/scan.hpp"
+#include "situation_awareness/scan/scanner_params.hpp"
 
 namespace situation_awareness {
 
@@ -23,12 +24,13 @@ std::string yaml_text(const std::vector<HalfSpace>& volume);
 /// Throws std::invalid_argument if the text is not such a list; the values of its numbers are not checked.
 void read_yaml_text(const std::string& yaml, std::vector<HalfSpace>& volume);
 
-/// Range and volume of interest.
+/// Range and volume of interest, and how the driver fills its messages: the section `scan`.
 struct RangeLimiterParams {
   double min_range_m = 0.1;
   double max_range_m = 10.0;
   /// Convex volume of interest, the intersection of these half-spaces; empty means everywhere.
   std::vector<HalfSpace> volume;
+  ScannerParams scanner;
 
   template <class Self, class Visit>
   static void fields(Self& self, Visit&& visit) {
@@ -40,6 +42,7 @@ struct RangeLimiterParams {
           "convex volume of interest in the world frame: half-spaces [nx, ny, nz, offset_m] with n . p <= offset_m; "
           "empty: everywhere",
           kLive);
+    ScannerParams::fields(self.scanner, visit);
   }
 
   /// Throws std::invalid_argument naming field and bound.

@@ -280,6 +280,11 @@ void BagPlayer::print_summary() const {
   }
   std::printf("%.1f s of %s in %.1f s: %.0f times real time\n", recorded_s_, noun_.c_str(), wall_s_,
               recorded_s_ / std::max(wall_s_, 1e-9));
+  for (const auto& warnings : warnings_) {
+    for (const std::string& sentence : warnings()) {
+      std::fprintf(stderr, "%s: warning: %s\n", options_.bag.c_str(), sentence.c_str());
+    }
+  }
 }
 
 }  // namespace situation_awareness

@@ -46,7 +46,7 @@ BagPlayer player_by_odometry(const BagOptions& bag, const OdometryFrames& frames
 
 BagLocalization::BagLocalization(BagPlayer& player, const BagOptions& bag, const ReflectorOptions& options,
                                  const OdometryFrames& frames, const std::string& scan_topic,
-                                 LocalizationPipeline& localization, Use use)
+                                 const RangeLimiterParams& scan_params, LocalizationPipeline& localization, Use use)
     : localization_(localization), needs_initial_(!options.initial_pose.empty()) {
   if (frames.odom.empty()) {
     throw std::runtime_error(bag.bag + ": no nav_msgs/Odometry on " + options.odometry.topic);
@@ -65,7 +65,8 @@ BagLocalization::BagLocalization(BagPlayer& player, const BagOptions& bag, const
   use_odometry.use = [this, use_scan = std::move(use)](const Scan& scan, const OdometryScan& placed) {
     ++(use_scan(scan, placed) ? known_ : unknown_);
   };
-  subscribe_odometry_scans(player, options.odometry.topic, scan_topic, frames, refused_, std::move(use_odometry));
+  subscribe_odometry_scans(player, options.odometry.topic, scan_topic, scan_params, frames, refused_,
+                           std::move(use_odometry));
 }
 
 void BagLocalization::print_summary() {

@@ -74,9 +74,10 @@ BagNavigation::BagNavigation(const std::string& program, BagPlayer& player, cons
   });
 }
 
-void BagNavigation::subscribe_scans(const std::string& topic, const std::string& lidar_frame, Map map, Use use) {
+void BagNavigation::subscribe_scans(const std::string& topic, const RangeLimiterParams& params,
+                                    const std::string& lidar_frame, Map map, Use use) {
   situation_awareness::subscribe_scans(
-      player_, topic,
+      player_, topic, params,
       [this, map = std::move(map), use = std::move(use)](const Scan& scan, const Eigen::Isometry3d& T_odom_lidar,
                                                          const Eigen::Isometry3d& T_odom_lidar_end) {
         const Eigen::Isometry3d T_odom_base = player_.T_world_base_at(scan.stamp_ns);

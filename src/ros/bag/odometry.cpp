@@ -40,7 +40,8 @@ OdometryFrames odometry_frames(const BagOptions& bag, const OdometryOptions& opt
 }
 
 void subscribe_odometry_scans(BagPlayer& player, const std::string& odom_topic, const std::string& scan_topic,
-                              const OdometryFrames& frames, Counters& refused, UseOdometry use) {
+                              const RangeLimiterParams& scan_params, const OdometryFrames& frames, Counters& refused,
+                              UseOdometry use) {
   player.subscribe<nav_msgs::Odometry>(odom_topic, [&player, &refused, odom_topic, frames, add = std::move(use.add)](
                                                        const auto& msg, const ros::Time& recorded) {
     std::string defect = odometry_msg_defect(*msg);
@@ -56,7 +57,7 @@ void subscribe_odometry_scans(BagPlayer& player, const std::string& odom_topic, 
     if (verdict == OdometryTrack::Verdict::kRestarted) player.forget_poses();
     player.add_pose(transform);
   });
-  subscribe_scans(player, scan_topic,
+  subscribe_scans(player, scan_topic, scan_params,
                   [&player, use_scan = std::move(use.use)](const Scan& scan, const auto& T_odom_lidar,
                                                            const auto& T_odom_lidar_end) {
                     const Eigen::Isometry3d T_odom_base = player.T_world_base_at(scan.stamp_ns);

@@ -7,6 +7,7 @@
 
 #include "situation_awareness/common/stamp_order.hpp"
 #include "situation_awareness/pipeline/map_pipeline.hpp"
+#include "situation_awareness/pipeline/scanner_check.hpp"
 #include "situation_awareness/points/horizontal_projection.hpp"
 #include "situation_awareness/points/point_states.hpp"
 #include "situation_awareness/ros/convert/scan.hpp"
@@ -14,7 +15,9 @@
 #include "situation_awareness/ros/map_output.hpp"
 #include "situation_awareness/ros/params/map_nodelet_params.hpp"
 #include "situation_awareness/ros/point_report.hpp"
+#include "situation_awareness/ros/pose_offset_report.hpp"
 #include "situation_awareness/ros/stage_nodelet.hpp"
+#include "situation_awareness/scan/range_limiter.hpp"
 
 namespace situation_awareness {
 
@@ -29,13 +32,18 @@ class InertialSemanticMapStage {
   InertialSemanticMapStage(Context& context, const MapNodeletParams& params)
       : context_(context),
         deskew_(params.nodelet.deskew),
+        limits_(params.pipeline.layers.scan),
+        check_(limits_.scanner, 0.0),
         pipeline_(params.pipeline, params.objects, map_kinds_of(params.kinds)),
         output_(
             context, params.nodelet, pipeline_,
             [&context](const ros::Publisher& publisher, MapUpdate msg) { context.publish(publisher, std::move(msg)); }),
-        input_(context, gps_ins_params_of(params.nodelet, params.inertial)) {
+        input_(context, gps_ins_params_of(params.nodelet, params.inertial), limits_.scanner) {
     order_.trust();  // the input has judged them
-    context.diagnostics().on_report([this](StageDiagnostics::Status& status) { warn_of_no_hit(states_, status); });
+    context.diagnostics().on_report([this](StageDiagnostics::Status& status) {
+      report_scanner(check_, status);
+      warn_of_no_hit(states_, status);
+    });
   }
 
   bool process(const InertialScan& posed) {
@@ -48,12 +56,18 @@ class InertialSemanticMapStage {
     output_.publish(pipeline_.process(scan, posed.T_odom_lidar, posed.T_odom_lidar_end, posed.placement));
     context_.diagnostics().counted(pipeline_.layers().chain_update().reasons);
     states_.add(pipeline_.points());
+    check_.add_ranges(posed.msg->ranges, posed.msg->range_max);
+    limited_ = limit_range(scan, posed.T_odom_lidar, limits_, std::move(limited_));
+    check_.add(limited_, pipeline_.points(), posed.T_odom_lidar, posed.T_odom_lidar_end);
     return true;
   }
 
  private:
   Context& context_;
   bool deskew_;
+  RangeLimiterParams limits_;
+  ScannerCheck check_;
+  Scan limited_;  ///< kept for its memory
   StampOrder order_;
   MapPipeline pipeline_;
   PointStates states_;

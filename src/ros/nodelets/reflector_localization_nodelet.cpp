@@ -43,7 +43,7 @@ class ReflectorLocalizationStage {
         report_(context.name(), pipeline_),
         pose_(context.node().advertise<geometry_msgs::PoseWithCovarianceStamped>("pose", 20)),
         markers_publisher_(context.node().advertise<visualization_msgs::MarkerArray>("reflectors", 5)),
-        input_(context, params.nodelet, {params.odom_frame, params.base_frame},
+        input_(context, params.nodelet, params.pipeline.scan.scanner, {params.odom_frame, params.base_frame},
                {[this](std::int64_t stamp_ns, const Pose2& T_odom_base, std::int64_t received_ns) {
                  return add(stamp_ns, T_odom_base, received_ns);
                }}) {

@@ -64,7 +64,8 @@ class SafetyAreasStage {
         input_(
             context, params.nodelet, 0.0,
             {scan_msg_defect, [this](const sensor_msgs::LaserScan& msg) { return taken(msg, params_.nodelet.deskew); },
-             [this] { restart(); }}) {
+             [this] { restart(); },
+             [this](const sensor_msgs::LaserScanConstPtr& msg) { return conventional(msg, params_.scan.scanner); }}) {
     params_.scan.validate();
     load_local_maps_of_path();
     context.diagnostics().on_report([this](StageDiagnostics::Status& status) { report(status); });

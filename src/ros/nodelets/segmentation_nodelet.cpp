@@ -7,9 +7,9 @@
 #include <sensor_msgs/PointCloud2.h>
 #include <pluginlib/class_list_macros.hpp>
 
+#include "situation_awareness/pipeline/scanner_check.hpp"
 #include "situation_awareness/points/horizontal_projection.hpp"
 #include "situation_awareness/points/point_states.hpp"
-#include "situation_awareness/pose/pose_offset.hpp"
 #include "situation_awareness/ros/convert/scan.hpp"
 #include "situation_awareness/ros/convert/segments.hpp"
 #include "situation_awareness/ros/map_subscriber.hpp"
@@ -38,13 +38,17 @@ class SegmentationStage {
         params_(params),
         publisher_(context.node().advertise<SegmentArray>("segments", 20)),
         map_(context, params.nodelet.world_frame),
-        pose_offset_(params.pipeline.scan_pose_offset_s),
+        check_(params.pipeline.scan.scanner, params.pipeline.scan_pose_offset_s),
         input_(
             context, params.nodelet, params.pipeline.scan_pose_offset_s,
             {scan_msg_defect, [this](const sensor_msgs::LaserScan& msg) { return taken(msg, params_.nodelet.deskew); },
-             [this] { map_.clear(); }}) {
+             [this] { map_.clear(); },
+             [this](const sensor_msgs::LaserScanConstPtr& msg) {
+               return conventional(msg, params_.pipeline.scan.scanner);
+             }}) {
     context.diagnostics().on_report([this](StageDiagnostics::Status& status) {
-      report_pose_offset(pose_offset_, status);
+      report_scanner(check_, status);
+      report_pose_offset(check_, status);
       warn_of_no_hit(states_, status);
     });
     context.serve_live(
@@ -75,7 +79,9 @@ class SegmentationStage {
     context_.diagnostics().counted(segments_.refused);
     context_.publish(publisher_, segments_to_msg(segments_, params_.nodelet.world_frame));
     states_.add(points_);
-    pose_offset_.add(points_);  // after the output, which does not wait for it
+    // After the output, which does not wait for it.
+    check_.add_ranges(posed.msg->ranges, posed.msg->range_max);
+    check_.add(limited_, points_, posed.T_world_sensor, posed.T_world_sensor_end);
     return true;
   }
 
@@ -84,7 +90,7 @@ class SegmentationStage {
   ObjectNodeletParams params_;
   ros::Publisher publisher_;
   MapSubscriber map_;
-  PoseOffsetEstimator pose_offset_;
+  ScannerCheck check_;
   PointStates states_;
   Input input_;
   // Kept for their memory:

@@ -256,7 +256,7 @@ void map_by_tf(const Options& options, const Params& params) {
   player.on_restart([&pipeline] { pipeline.begin_anew(); });
   if (options.has_scans()) {
     subscribe_scans(
-        player, options.scan_topic,
+        player, options.scan_topic, params.bag.map.layers.scan,
         [&](const Scan& scan, const auto& T_world_lidar, const auto& T_end) {
           const MapDelta& update = player.timed(
               [&]() -> const MapDelta& { return pipeline.process(scan, T_world_lidar, T_end, pose.covariance); });
@@ -293,20 +293,20 @@ void map_by_reflectors(const Options& options, const Params& params) {
   Output out(options);
   PointStates states;
   player.on_restart([&pipeline] { pipeline.begin_anew(); });
-  BagLocalization bag_localization(player, options.bag, options.reflectors, frames, options.scan_topic, localization,
-                                   [&](const Scan& scan, const OdometryScan& placed) {
-                                     const MapDelta* const update = player.timed([&]() -> const MapDelta* {
-                                       const std::optional<PlacedScan> in_world = localization.place(scan, placed);
-                                       if (!in_world) return nullptr;
-                                       return &pipeline.process(scan, in_world->T_world_lidar,
-                                                                in_world->T_world_lidar_end, in_world->covariance);
-                                     });
-                                     if (update == nullptr) return false;
-                                     const LocalizedPose pose = localization.localization().pose();
-                                     states.add(pipeline.points());
-                                     out.write(*update, {pose.T_world_base.x, pose.covariance_world}, pipeline);
-                                     return true;
-                                   });
+  BagLocalization bag_localization(
+      player, options.bag, options.reflectors, frames, options.scan_topic, params.bag.map.layers.scan, localization,
+      [&](const Scan& scan, const OdometryScan& placed) {
+        const MapDelta* const update = player.timed([&]() -> const MapDelta* {
+          const std::optional<PlacedScan> in_world = localization.place(scan, placed);
+          if (!in_world) return nullptr;
+          return &pipeline.process(scan, in_world->T_world_lidar, in_world->T_world_lidar_end, in_world->covariance);
+        });
+        if (update == nullptr) return false;
+        const LocalizedPose pose = localization.localization().pose();
+        states.add(pipeline.points());
+        out.write(*update, {pose.T_world_base.x, pose.covariance_world}, pipeline);
+        return true;
+      });
   player.play();
   player.print_summary();
   bag_localization.print_summary();
@@ -328,7 +328,7 @@ void map_by_gps(const Options& options, const Params& params) {
   PointStates states;
   const MapDelta* update = nullptr;
   bag_navigation.subscribe_scans(
-      options.scan_topic, options.lidar_frame,
+      options.scan_topic, params.bag.map.layers.scan, options.lidar_frame,
       [&](const Scan& scan, const auto& T_odom_lidar, const auto& T_odom_lidar_end,
           const InertialPlacement& placement) -> const MapAlignment& {
         update = &pipeline.process(scan, T_odom_lidar, T_odom_lidar_end, placement);

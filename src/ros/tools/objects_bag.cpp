@@ -176,7 +176,6 @@ int objects_bag(const Options& options) {
   BagPlayer player(options.bag, {{}, false, params.scan_pose_offset_s});
   LineFile out(options.out), detections_out(options.detections), points_out(options.points);
   ObjectPipeline pipeline(params);
-  PoseOffsetEstimator pose_offset(params.scan_pose_offset_s);
 
   // Segmentation and detection use the published map: the message has angles as quaternions, which changes their last
   // digit.
@@ -200,10 +199,9 @@ int objects_bag(const Options& options) {
   PointStates states;
   std::vector<HitLabel> labels;
   MappedAreas areas;
-  subscribe_scans(player, options.scan_topic, [&](const Scan& scan, const auto& T_world_lidar, const auto& T_end) {
+  const auto use = [&](const Scan& scan, const auto& T_world_lidar, const auto& T_end) {
     const ObjectPipelineResult& result =
         player.timed([&]() -> decltype(auto) { return pipeline.process(scan, T_world_lidar, T_end, published); });
-    pose_offset.add(result.points);
     states.add(result.points);
     if (points_out) {
       labels = label_hits(result.segments, result.detections, published, std::move(labels));
@@ -217,7 +215,8 @@ int objects_bag(const Options& options) {
     compact += static_cast<std::size_t>(result.unmapped.compact);
     on_no_map += static_cast<std::size_t>(result.unmapped.on_no_map);
     longest_s = result.unmapped.longest_s;
-  });
+  };
+  const auto check = subscribe_scans(player, options.scan_topic, params.scan, use);
   player.play();
   player.print_summary();
   player.check_mapped(states.why_no_hit());
@@ -233,7 +232,8 @@ int objects_bag(const Options& options) {
   std::printf("%zu detections, log-likelihood %.3f each given the map before\n", detections,
               log_likelihood / static_cast<double>(std::max<std::size_t>(detections, 1)));
   std::printf("%zu of %zu compact segments on no map, a place for at most %.3f s\n", on_no_map, compact, longest_s);
-  const std::string advice = pose_offset_advice(pose_offset);
+  const PoseOffsetEstimator& pose_offset = check->pose_offset();
+  const std::string advice = check->is_out_of_step() ? pose_offset_advice(pose_offset) : "";
   std::printf("scan_pose_offset_s: %s%s%s\n", pose_offset_text(pose_offset.estimate()).c_str(),
               advice.empty() ? "" : "; ", advice.c_str());
   return 0;

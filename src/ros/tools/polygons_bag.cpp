@@ -175,12 +175,13 @@ void map_by_tf(const Options& options, const Params& params, const OdometryFrame
   const Eigen::Matrix3d covariance =
       Eigen::Vector3d(kTfSigma_m * kTfSigma_m, kTfSigma_m * kTfSigma_m, kTfSigma_rad * kTfSigma_rad).asDiagonal();
   player.on_restart([&pipeline] { pipeline.begin_anew(); });
-  subscribe_scans(player, options.scan_topic, [&](const Scan& scan, const auto& T_world_lidar, const auto& T_end) {
+  const auto use = [&](const Scan& scan, const auto& T_world_lidar, const auto& T_end) {
     player.timed([&] { pipeline.process(scan, T_world_lidar, T_end, covariance); });
     const Eigen::Isometry3d T_world_base =
         frames.base.empty() ? Eigen::Isometry3d(T_world_lidar) : player.T_world_base_at(scan.stamp_ns);
     out.write(scan, pose2_of(T_world_base), covariance, pipeline);
-  });
+  };
+  subscribe_scans(player, options.scan_topic, params.polygons.scan, use);
   player.play();
   player.print_summary();
   print_movers(pipeline);
@@ -194,7 +195,8 @@ void map_by_reflectors(const Options& options, const Params& params, const Odome
   Output out(options);
   player.on_restart([&pipeline] { pipeline.pipeline().begin_anew(); });
   BagLocalization localization(player, options.bag, options.reflectors, frames, options.scan_topic,
-                               pipeline.localization_pipeline(), [&](const Scan& scan, const OdometryScan& placed) {
+                               params.polygons.scan, pipeline.localization_pipeline(),
+                               [&](const Scan& scan, const OdometryScan& placed) {
                                  if (!player.timed([&] { return pipeline.process(scan, placed); })) return false;
                                  const LocalizedPose pose = pipeline.localization().pose();
                                  out.write(scan, pose.T_world_base.x, pose.covariance_world, pipeline.pipeline());

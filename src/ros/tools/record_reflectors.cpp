@@ -116,7 +116,8 @@ int record_reflectors(const Options& options) {
       survey.add(sightings, points.T_world_level);
     });
   };
-  subscribe_odometry_scans(player, options.odometry.topic, options.scan_topic, frames, refused, std::move(use));
+  subscribe_odometry_scans(player, options.odometry.topic, options.scan_topic, params.scan, frames, refused,
+                           std::move(use));
   player.play();
 
   player.print_summary();

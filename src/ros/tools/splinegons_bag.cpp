@@ -113,7 +113,7 @@ void map_by_tf(const Options& options, const BagParams& params) {
   const Eigen::Matrix3d planar =
       Eigen::Vector3d(kTfSigma_m * kTfSigma_m, kTfSigma_m * kTfSigma_m, kTfSigma_rad * kTfSigma_rad).asDiagonal();
   subscribe_scans(
-      player, options.scan_topic,
+      player, options.scan_topic, params.pipeline.scan,
       [&](const Scan& scan, const auto& T_world_lidar, const auto& T_world_lidar_end) {
         pose.T_world_base = player.T_world_base_at(scan.stamp_ns);
         player.timed([&] { pipeline.process(scan, T_world_lidar, T_world_lidar_end, planar); });
@@ -135,7 +135,7 @@ void map_by_gps(const Options& options, const BagParams& params) {
   BagNavigation bag_navigation(kName, player, options.bag, options.navigation, options.base_frame, params.gps_ins);
   PointStates states;
   bag_navigation.subscribe_scans(
-      options.scan_topic, options.lidar_frame,
+      options.scan_topic, params.pipeline.scan, options.lidar_frame,
       [&](const Scan& scan, const auto& T_odom_lidar, const auto& T_odom_lidar_end,
           const InertialPlacement& placement) -> const MapAlignment& {
         pipeline.process(scan, T_odom_lidar, T_odom_lidar_end, placement);

@@ -77,6 +77,12 @@ class BagPlayer {
   /// `act` is called before the first measurement after a restart is used: what was mapped is of another time.
   void on_restart(std::function<void()> act) { restart_ = std::move(act); }
 
+  /// print_summary() warns of the sentences that `warnings` returns then.
+  void on_summary(std::function<std::vector<std::string>()> warnings) { warnings_.push_back(std::move(warnings)); }
+
+  /// The pose of a measurement is so much later.
+  double pose_offset_s() const { return source_.offset_s; }
+
   /// At the time of `taken` in the recording.
   void use_when_posed(const Taken& taken, const ros::Time& recorded, Use use);
 
@@ -104,7 +110,7 @@ class BagPlayer {
   /// From the first message to the last. Throws std::runtime_error if the bag is damaged.
   void play();
 
-  /// Prints the number of measurements used, the drops by reason, and the time.
+  /// Prints the number of measurements used, the drops by reason, and the time, and warnings to stderr.
   void print_summary() const;
 
   /// Throws std::runtime_error if nothing was mapped: `why_not`, the program's own reason, is not empty, or no
@@ -166,6 +172,7 @@ class BagPlayer {
   std::vector<std::unique_ptr<SensorQueue>> queues_;
   std::size_t restarts_ = 0;  ///< of the queue with most
   std::function<void()> restart_ = [] {};
+  std::vector<std::function<std::vector<std::string>()>> warnings_;
   std::size_t measurements_ = 0, used_ = 0;
   Counters dropped_;
   std::vector<double> durations_ms_;

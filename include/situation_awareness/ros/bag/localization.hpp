@@ -10,6 +10,7 @@
 #include "situation_awareness/ros/bag/bag_options.hpp"
 #include "situation_awareness/ros/bag/bag_player.hpp"
 #include "situation_awareness/ros/bag/odometry.hpp"
+#include "situation_awareness/scan/range_limiter.hpp"
 #include "situation_awareness/scan/scan.hpp"
 
 namespace situation_awareness {
@@ -39,8 +40,8 @@ class BagLocalization {
   /// Subscribes to odometry and scans of the player. `localization` outlives it. Throws as BagPlayer::subscribe, and
   /// std::runtime_error where there is no odometry.
   BagLocalization(BagPlayer& player, const BagOptions& bag, const ReflectorOptions& options,
-                  const OdometryFrames& frames, const std::string& scan_topic, LocalizationPipeline& localization,
-                  Use use);
+                  const OdometryFrames& frames, const std::string& scan_topic, const RangeLimiterParams& scan_params,
+                  LocalizationPipeline& localization, Use use);
   BagLocalization(const BagLocalization&) = delete;
   BagLocalization& operator=(const BagLocalization&) = delete;
 

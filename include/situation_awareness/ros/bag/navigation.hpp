@@ -17,6 +17,7 @@
 #include "situation_awareness/ros/bag/bag_player.hpp"
 #include "situation_awareness/ros/inertial_navigation.hpp"
 #include "situation_awareness/ros/params/gps_ins_nodelet_params.hpp"
+#include "situation_awareness/scan/range_limiter.hpp"
 #include "situation_awareness/scan/scan.hpp"
 
 namespace situation_awareness {
@@ -53,7 +54,8 @@ class BagNavigation {
   using Use = std::function<void(const Scan& scan, const WorldPose& pose)>;
 
   /// Subscribes the player to scans (bag/scans.hpp): all are mapped, those at which the pose was known are used.
-  void subscribe_scans(const std::string& topic, const std::string& lidar_frame, Map map, Use use);
+  void subscribe_scans(const std::string& topic, const RangeLimiterParams& params, const std::string& lidar_frame,
+                       Map map, Use use);
 
   /// Why no map was used, in one sentence: that without a hit where one was, else why there was no pose; empty if one
   /// was used and had hits.

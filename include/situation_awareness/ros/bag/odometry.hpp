@@ -11,6 +11,7 @@
 #include "situation_awareness/ros/bag/bag_options.hpp"
 #include "situation_awareness/ros/bag/bag_player.hpp"
 #include "situation_awareness/ros/convert/odometry.hpp"
+#include "situation_awareness/scan/range_limiter.hpp"
 #include "situation_awareness/scan/scan.hpp"
 
 namespace situation_awareness {
@@ -34,10 +35,11 @@ struct UseOdometry {
   std::function<void(const Scan& scan, const OdometryScan& placed)> use;
 };
 
-/// Subscribes to odometry and scans of a player to which the poses are given: scans wait for the odometry of their
-/// first and last beams. Messages that cannot be used are counted in `refused`, which must outlive the player.
-/// Throws as BagPlayer::subscribe does.
+/// Subscribes to odometry and scans (bag/scans.hpp) of a player to which the poses are given: scans wait for the
+/// odometry of their first and last beams. Messages that cannot be used are counted in `refused`, which must outlive
+/// the player. Throws as BagPlayer::subscribe does.
 void subscribe_odometry_scans(BagPlayer& player, const std::string& odom_topic, const std::string& scan_topic,
-                              const OdometryFrames& frames, Counters& refused, UseOdometry use);
+                              const RangeLimiterParams& scan_params, const OdometryFrames& frames, Counters& refused,
+                              UseOdometry use);
 
 }  // namespace situation_awareness

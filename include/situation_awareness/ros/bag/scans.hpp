@@ -2,11 +2,14 @@
 #pragma once
 
 #include <functional>
+#include <memory>
 #include <string>
 
 #include <Eigen/Geometry>
 
+#include "situation_awareness/pipeline/scanner_check.hpp"
 #include "situation_awareness/ros/bag/bag_player.hpp"
+#include "situation_awareness/scan/range_limiter.hpp"
 #include "situation_awareness/scan/scan.hpp"
 
 namespace situation_awareness {
@@ -16,7 +19,10 @@ using UseScan = std::function<void(const Scan& scan, const Eigen::Isometry3d& T_
                                    const Eigen::Isometry3d& T_world_lidar_end)>;
 
 /// Subscribes to the scans of a topic; invalid ones are counted, as in segmentation. They are of the frame
-/// `lidar_frame`, or of that of their messages if it is empty. Throws as BagPlayer::subscribe does.
-void subscribe_scans(BagPlayer& player, const std::string& topic, UseScan use, const std::string& lidar_frame = {});
+/// `lidar_frame`, or of that of their messages if it is empty. The summary warns where the driver's messages are not as
+/// `params` say. Throws as BagPlayer::subscribe does.
+std::shared_ptr<const ScannerCheck> subscribe_scans(BagPlayer& player, const std::string& topic,
+                                                    const RangeLimiterParams& params, UseScan use,
+                                                    const std::string& lidar_frame = {});
 
 }  // namespace situation_awareness

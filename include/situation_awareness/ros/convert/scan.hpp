@@ -7,8 +7,14 @@
 #include <sensor_msgs/LaserScan.h>
 
 #include "situation_awareness/scan/scan.hpp"
+#include "situation_awareness/scan/scanner_params.hpp"
 
 namespace situation_awareness {
+
+/// The scan as REP-117 and sensor_msgs/LaserScan have it: +inf where nothing was met, and beams measured in the order
+/// of the array, from the stamp on. The message itself where `scanner` has its defaults. Stages and tools do this
+/// first, so that all that follows has the times and ranges of one convention.
+sensor_msgs::LaserScanConstPtr conventional(const sensor_msgs::LaserScanConstPtr& msg, const ScannerParams& scanner);
 
 /// The scan's time increment in s, or 0 if it is invalid: not finite, negative, or more than a second for the whole
 /// scan. Some drivers leave the field unset or set it wrongly.

@@ -1,0 +1,133 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/pipeline/scanner_check.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdio>
+#include <utility>
+
+#include "situation_awareness/common/time.hpp"
+#include "situation_awareness/points/horizontal_projection.hpp"
+
+namespace situation_awareness {
+namespace {
+
+/// An offset is one of scan/stamp_at if it is so by this part of a sweep, or three standard deviations.
+constexpr double kStampTolerance = 0.2;
+/// A value for "nothing there" is proposed after so many scans, where it is this part of all beams.
+constexpr std::uint64_t kMinScansOfValue = 50;
+constexpr double kMinPartOfValue = 0.02;
+
+double part_of_sweep(const std::string& stamp_at) {
+  if (stamp_at == "first") return 0.0;
+  return stamp_at == "middle" ? 0.5 : 1.0;
+}
+
+double percent(std::uint64_t part, std::uint64_t all) {
+  return all == 0 ? 0.0 : 100.0 * static_cast<double>(part) / static_cast<double>(all);
+}
+
+}  // namespace
+
+ScannerCheck::ScannerCheck(const ScannerParams& scanner, double used_offset_s)
+    : scanner_(scanner), as_said_(used_offset_s), reversed_(used_offset_s) {}
+
+void ScannerCheck::add_ranges(const std::vector<float>& ranges, float range_max_m) {
+  ++scans_;
+  beams_ += ranges.size();
+  for (const float range_m : ranges) {
+    if (std::isnan(range_m)) {
+      ++nan_;
+    } else if (range_m == 0.0F) {
+      ++zero_;
+    } else if (beam_from_range(range_m, 0.0F, range_max_m).state == BeamState::kFree) {
+      ++nothing_;
+    }
+  }
+}
+
+void ScannerCheck::add(const Scan& scan, const Points& points, const Eigen::Isometry3d& T_world_lidar,
+                       const Eigen::Isometry3d& T_world_lidar_end) {
+  using Order = ScanOrderEstimator::Order;
+  const double steps = scan.beams.empty() ? 0.0 : static_cast<double>(scan.beams.size() - 1);
+  sweep_s_ = steps * scan.time_increment_s;
+  if (order_.order() != Order::kReversed) as_said_.add(points);
+  if (!(sweep_s_ > 0.0) || order_.order() == Order::kAsSaid) return;
+  // Measured the other way round the first beam is the last: its pose is that of the level frame, at its time.
+  reversed_points_ = project_horizontally(scan, T_world_lidar_end, T_world_lidar, std::move(reversed_points_));
+  reversed_points_.stamp_ns += nanoseconds(sweep_s_);
+  reversed_.add(reversed_points_);
+  order_.add(points, reversed_points_);
+}
+
+const PoseOffsetEstimator& ScannerCheck::pose_offset() const {
+  return order_.order() == ScanOrderEstimator::Order::kReversed ? reversed_ : as_said_;
+}
+
+/// Empty where the offset is none of a stamp at another beam.
+std::string ScannerCheck::stamp_at_that_fits() const {
+  const PoseOffset& estimate = pose_offset().estimate();
+  if (!situation_awareness::is_out_of_step(estimate, pose_offset().used_offset_s())) return "";
+  const double late_s = pose_offset().used_offset_s() - estimate.offset_s;
+  const double tolerance_s = std::max(kStampTolerance * sweep_s_, std::min(3.0 * estimate.sigma_s, 0.25 * sweep_s_));
+  for (const char* stamp_at : {"first", "middle", "last"}) {
+    if (scanner_.stamp_at == stamp_at) continue;
+    const double expected_s = (part_of_sweep(stamp_at) - part_of_sweep(scanner_.stamp_at)) * sweep_s_;
+    if (std::abs(late_s - expected_s) <= tolerance_s) return stamp_at;
+  }
+  return "";
+}
+
+bool ScannerCheck::is_out_of_step() const {
+  return situation_awareness::is_out_of_step(pose_offset().estimate(), pose_offset().used_offset_s()) &&
+         stamp_at_that_fits().empty();
+}
+
+std::vector<std::string> ScannerCheck::advice() const {
+  std::vector<std::string> sentences;
+  if (order_.order() == ScanOrderEstimator::Order::kReversed) {
+    const bool is_forward = scanner_.beam_order == "forward";
+    sentences.push_back(
+        std::string("the beams of a scan are measured in the other order than its time_increment has it:"
+                    " set scan/beam_order to ") +
+        (is_forward ? "backward, not forward" : "forward, not backward"));
+  }
+  const std::string stamp_at = stamp_at_that_fits();
+  if (!stamp_at.empty()) {
+    const double offset_s = pose_offset().estimate().offset_s;
+    const double late_s = part_of_sweep(scanner_.stamp_at) * sweep_s_ + pose_offset().used_offset_s() - offset_s;
+    std::array<char, 256> text{};
+    std::snprintf(text.data(), text.size(),
+                  "the stamp of a scan of %.3f s is %.3f s after its first beam: set scan/stamp_at to %s, not %s, "
+                  "and leave scan_pose_offset_s",
+                  sweep_s_, late_s, stamp_at.c_str(), scanner_.stamp_at.c_str());
+    sentences.emplace_back(text.data());
+  }
+  return sentences;
+}
+
+std::string ScannerCheck::no_return_advice() const {
+  if (scans_ < kMinScansOfValue || nothing_ > 0) return "";
+  const bool is_zero = zero_ >= nan_;
+  const double part = percent(is_zero ? zero_ : nan_, beams_);
+  if (part < 100.0 * kMinPartOfValue) return "";
+  std::array<char, 320> text{};
+  std::snprintf(
+      text.data(), text.size(),
+      "no beam of %llu scans says that nothing is there (+inf, or range_max), and %.0f %% are %s, which is no "
+      "information: where the driver sends that for nothing there, set scan/no_return to %s",
+      static_cast<unsigned long long>(scans_), part, is_zero ? "0" : "NaN", is_zero ? "zero" : "nan");
+  return text.data();
+}
+
+std::string ScannerCheck::no_return_text() const {
+  const std::string advice = no_return_advice();
+  if (!advice.empty()) return advice;
+  std::array<char, 96> text{};
+  std::snprintf(text.data(), text.size(), "%.1f %% of the beams, and %.1f %% are 0, %.1f %% NaN",
+                percent(nothing_, beams_), percent(zero_, beams_), percent(nan_, beams_));
+  return text.data();
+}
+
+}  // namespace situation_awareness
