@@ -46,6 +46,13 @@ which may have all. [cfg/splinegons.yaml](../cfg/splinegons.yaml) has `scan`, `s
 `polygons_bag`, `splinegons_bag` and `grid_bag` take the same files by `--config`; `map_bag` takes one that may have the
 sections of all, and those of [cfg/grid.yaml](../cfg/grid.yaml) within a section `grid`. A value out of its bounds, or of
 another type, is refused with a message that names it; a key that is none of these has no effect, and a warning says so.
+
+Tools and nodelets read a file alike, by the rules of YAML 1.1 that rosparam has: `010` is 8, `12:30` is 750, `1_000` is
+1000, `yes`, `on`, `no` and `off` are true and false, `deg(90)` is an angle in rad, `<<` merges maps. `1e-3`, `08` and
+`-.5` are texts there, and are taken for numbers where a number is needed. A key that is given twice, several documents,
+a date without quotes and a whole number beyond 32 bits are refused by name. `rosparam load` without the launch files
+keeps the last of two equal keys, and says nothing.
+
 Parameters marked *live* can be changed while the nodelets run ([ros.md](ros.md#live-parameters)).
 )";
 

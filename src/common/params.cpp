@@ -4,7 +4,9 @@
 #include <array>
 #include <charconv>
 #include <cmath>
+#include <cstdint>
 #include <cstdio>
+#include <limits>
 #include <stdexcept>
 
 namespace situation_awareness {
@@ -25,8 +27,11 @@ std::string yaml_text(int value) { return std::to_string(value); }
 std::string yaml_text(double value) {
   if (std::isnan(value)) return ".nan";
   if (std::isinf(value)) return value > 0.0 ? ".inf" : "-.inf";
-  std::array<char, 32> text{};
-  return {text.data(), std::to_chars(text.data(), text.data() + text.size(), value).ptr};
+  std::array<char, 32> digits{};
+  std::string text(digits.data(), std::to_chars(digits.data(), digits.data() + digits.size(), value).ptr);
+  const bool is_int = text.find_first_of(".e") == std::string::npos;
+  if (is_int && std::abs(value) > std::numeric_limits<std::int32_t>::max()) text += ".0";  // a larger int is refused
+  return text;
 }
 
 std::string yaml_text(const std::string& value) {

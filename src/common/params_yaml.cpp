@@ -2,10 +2,10 @@
 #include "situation_awareness/common/params_yaml.hpp"
 
 #include <algorithm>
-#include <set>
 
 #include <yaml-cpp/yaml.h>
 
+#include "situation_awareness/common/canonical_yaml.hpp"
 #include "situation_awareness/common/file.hpp"
 #include "situation_awareness/common/yaml_defect.hpp"
 
@@ -58,14 +58,9 @@ class YamlReader {
   void read(const YAML::Node& node, const std::string& section) const {
     if (node.IsNull()) return;
     if (!node.IsMap()) fail((section.empty() ? "the parameters" : section) + " must be a map, not " + shown(node));
-    std::set<std::string> given;
     std::vector<std::string> unknown;
     for (const auto& item : node) {
-      if (!item.first.IsScalar()) {
-        fail("the name of a parameter" + (section.empty() ? "" : " in " + section) + " must be a text");
-      }
       const std::string& key = item.first.Scalar();
-      if (!given.insert(key).second) fail(joined(section, key) + " is given twice");
       const auto of_key = [&](const Parameter& p) { return !key.empty() && key_below(section, p) == key; };
       const auto parameter = std::find_if(parameters_.begin(), parameters_.end(), of_key);
       if (parameter == parameters_.end()) {
@@ -164,7 +159,9 @@ void read_yaml(const std::vector<Parameter>& parameters, const std::string& yaml
   const YamlReader reader(parameters, source, on_unknown_key);
   YAML::Node root;
   try {
-    root = YAML::Load(yaml);
+    root = YAML::Load(canonical_yaml(yaml));
+  } catch (const std::invalid_argument& error) {
+    reader.fail(error.what());
   } catch (const YAML::Exception& error) {
     reader.fail(yaml_defect(error));
   }

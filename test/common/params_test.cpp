@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/common/canonical_yaml.hpp"
 #include "situation_awareness/common/params_yaml.hpp"
 #include "situation_awareness/common/yaml_defect.hpp"
 
@@ -145,6 +146,7 @@ TEST(YamlText, IsTheShortestThatReadsBack) {
   EXPECT_EQ(yaml_text(-std::numeric_limits<double>::infinity()), "-.inf");
   EXPECT_EQ(yaml_text(true), "true");
   EXPECT_EQ(yaml_text(-3), "-3");
+  EXPECT_EQ(yaml_text(4294967296.0), "4294967296.0") << "no whole number of 32 bits";
 }
 
 TEST(Parameters, OutOfBoundsAreRefusedWithPathValueAndBound) {
@@ -243,6 +245,79 @@ TEST(TextFile, IsReadOrRefusedByName) {
   for (const std::string& bad : {path, testing::TempDir()}) {
     EXPECT_EQ(refusal_of([&] { read_text_file(bad); }).rfind(bad, 0), 0U);
   }
+}
+
+TEST(CanonicalYaml, HasEachValueAsItIsOnTheParameterServer) {
+  const std::vector<std::pair<const char*, const char*>> cases = {{"010", "8"},
+                                                                  {"0x1F", "31"},
+                                                                  {"0b101", "5"},
+                                                                  {"1_000", "1000"},
+                                                                  {"-12:30", "-750"},
+                                                                  {"1:30.5", "90.5"},
+                                                                  {"08", "\"08\""},
+                                                                  {"09:30", "\"09:30\""},
+                                                                  {"1e-3", "\"1e-3\""},
+                                                                  {"1.0e-5", "1.0e-05"},
+                                                                  {".5", "0.5"},
+                                                                  {"-.5", "\"-.5\""},
+                                                                  {"5.", "5"},
+                                                                  {"010.5", "10.5"},
+                                                                  {".inf", ".inf"},
+                                                                  {"inf", "\"inf\""},
+                                                                  {"Yes", "true"},
+                                                                  {"off", "false"},
+                                                                  {"y", "\"y\""},
+                                                                  {"\"yes\"", "\"yes\""},
+                                                                  {"'010'", "\"010\""},
+                                                                  {"~", "~"},
+                                                                  {"deg(180)", "3.141592653589793"},
+                                                                  {"rad(pi/2)", "1.5707963267948966"},
+                                                                  {"!!float 3", "3"},
+                                                                  {"!!int \"7\"", "7"},
+                                                                  {"!!str 7", "\"7\""},
+                                                                  {"[010, {a: on}]", "[8, {\"a\": true}]"}};
+  for (const auto& [text, canonical] : cases) {
+    const std::string yaml = std::string("v: ") + text, expected = std::string("{\"v\": ") + canonical + '}';
+    EXPECT_EQ(canonical_yaml(yaml), expected) << text;
+    EXPECT_EQ(canonical_yaml(expected), expected) << text;
+  }
+  EXPECT_EQ(canonical_yaml("a: &x {b: 1, c: {d: 1}}\ne: {<<: *x, c: {f: 2}}"),
+            "{\"a\": {\"b\": 1, \"c\": {\"d\": 1}}, \"e\": {\"b\": 1, \"c\": {\"f\": 2}}}");
+}
+
+TEST(Parameters, AreThoseOfTheParameterServer) {
+  EXPECT_EQ(read("middle: {inner: {count: 010}}").middle.inner.count, 8);
+  EXPECT_EQ(read("middle: {inner: {count: 7.0}}").middle.inner.count, 7);
+  EXPECT_EQ(read("middle: {inner: {size_m: 1e-3}}").middle.inner.size_m, 1e-3);
+  EXPECT_EQ(read("middle: {inner: {size_m: 0b1}}").middle.inner.size_m, 1.0);
+  EXPECT_EQ(read("name: y").name, "y");
+  EXPECT_EQ(read("span: [010, 11]").span.low, 8);
+  expect_refusal("middle: {flag: y}", {"middle.flag", "y", "true", "false"});
+  expect_refusal("name: 12:30", {"name", "750", "text"});
+  expect_refusal("middle: {inner: {size_m: 12:30}}", {"middle.inner.size_m", "750", "0", "2"});
+}
+
+TEST(CanonicalYaml, RefusesByNameWhatTheParameterServerRefusesOrLoses) {
+  const auto refused = [](const char* yaml, const std::vector<std::string>& facts) {
+    EXPECT_TRUE(names(refusal_of([&] { canonical_yaml(yaml); }), facts)) << yaml;
+  };
+  refused("a: {b: 1, b: 2}", {"a.b", "twice"});
+  refused("other: {'b': 1, b: 1}", {"other.b", "twice"});
+  refused("a: 1\n---\na: 2", {"several documents"});
+  refused("a: 2001-02-03", {"a", "2001-02-03", "time"});
+  refused("a: {on: 1}", {"name", "a", "on", "text"});
+  refused("7: 1", {"name", "7", "text"});
+  refused("a: 3000000000", {"a", "3000000000", "3000000000.0"});
+  refused("a: {<<: 3}", {"a", "merge"});
+  refused("a: !foo 3", {"a", "!foo"});
+  refused("a: deg(x)", {"a", "deg(x)"});
+  refused("a: &a [*a]", {"nested"});
+  refused(
+      "a: &a [1, 2, 3, 4, 5, 6, 7, 8, 9, 0]\nb: &b [*a, *a, *a, *a, *a, *a, *a, *a, *a, *a]\n"
+      "c: &c [*b, *b, *b, *b, *b, *b, *b, *b, *b, *b]\nd: &d [*c, *c, *c, *c, *c, *c, *c, *c, *c, *c]\n"
+      "e: &e [*d, *d, *d, *d, *d, *d, *d, *d, *d, *d]\nf: [*e, *e, *e, *e, *e, *e, *e, *e, *e, *e]",
+      {"nested"});
+  EXPECT_EQ(canonical_yaml("a: " + std::string(100'000, '1')), "{\"a\": \"" + std::string(100'000, '1') + "\"}");
 }
 
 TEST(YamlDefect, IsOneLine) {

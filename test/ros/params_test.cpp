@@ -1,8 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include <array>
+#include <cstdio>
+#include <fstream>
 #include <stdexcept>
 
 #include <gtest/gtest.h>
 
+#include "situation_awareness/common/canonical_yaml.hpp"
 #include "situation_awareness/ros/params/circumnavigate_nodelet_params.hpp"
 #include "situation_awareness/ros/params/gps_ins_nodelet_params.hpp"
 #include "situation_awareness/ros/params/localization_nodelet_params.hpp"
@@ -41,6 +45,133 @@ TEST(YamlFromXmlRpc, WritesEveryKindOfValue) {
   EXPECT_EQ(yaml_from_xmlrpc(tree),
             "{\"flag\": true, \"list\": [1.5, 2], \"nested\": {\"deep\": \"1e-3\"}, \"real\": 0.1, "
             "\"text\": \"a \\\"b\\\" \\\\ c: [d]\\x0a\", \"whole\": -3}");
+}
+
+/// What is on the parameter server of each text, as roslaunch sends it, in canonical YAML; "" of what it refuses.
+std::vector<std::string> by_rosparam(const std::vector<std::string>& texts) {
+  const std::string file = testing::TempDir() + "/yaml_of_rosparam";
+  std::ofstream in(file);
+  for (const std::string& text : texts) in << text << '\0';
+  in.close();
+  const std::string script = R"(
+import sys, xmlrpc.client, rosparam, yaml
+for text in open(sys.argv[1]).read().split('\0')[:-1]:
+    try:
+        value = yaml.safe_load(text)
+        xmlrpc.client.dumps((value,))
+        style = dict(default_style='\x22', default_flow_style=True, sort_keys=False, width=10**6)
+        print(yaml.safe_dump(value, **style).splitlines()[0])
+    except Exception:
+        print()
+)";
+  const std::string command = "/usr/bin/python3 -c \"" + script + "\" " + file;
+  std::FILE* const out = popen(command.c_str(), "r");
+  std::vector<std::string> values;
+  std::array<char, 1024> line{};
+  while (out != nullptr && std::fgets(line.data(), line.size(), out) != nullptr) {
+    const std::string value = std::string(line.data()).substr(0, std::string(line.data()).size() - 1);
+    values.push_back(value.empty() ? "" : canonical_yaml(value));
+  }
+  if (out != nullptr) pclose(out);
+  std::remove(file.c_str());
+  return values;
+}
+
+TEST(CanonicalYaml, IsWhatRosparamPutsOnTheParameterServer) {
+  std::vector<std::string> texts;
+  for (const char* value : {"010",
+                            "08",
+                            "0o17",
+                            "0x1F",
+                            "0b101",
+                            "1_000",
+                            "0_",
+                            "0b_",
+                            "12:30",
+                            "12:30.5",
+                            "09:30",
+                            "1:60",
+                            "190:20:30.15",
+                            "1e-3",
+                            "1.5e3",
+                            "1.5e+3",
+                            "685.230_15e+03",
+                            ".5",
+                            "-.5",
+                            "+.5",
+                            "5.",
+                            "+5",
+                            "-0",
+                            "00",
+                            "1_",
+                            "_1",
+                            "010.5",
+                            "yes",
+                            "No",
+                            "ON",
+                            "off",
+                            "oN",
+                            "y",
+                            "N",
+                            "true",
+                            "TRUE",
+                            ".inf",
+                            "-.INF",
+                            "inf",
+                            "-.nan",
+                            "2001-01-01",
+                            "3000000000",
+                            "-2147483648",
+                            "4294967296.0",
+                            "1.0e-5",
+                            "\"010\"",
+                            "'yes'",
+                            "deg(90)",
+                            "deg( 9.5 )",
+                            "rad(pi/2)",
+                            "rad(-2*pi/3)",
+                            "rad(1.5)",
+                            "rad(sin(1))",
+                            "deg(x)",
+                            "!degrees 90",
+                            "!radians pi/2",
+                            "!!float 3",
+                            "!!int \"7\"",
+                            "!!bool yes",
+                            "!!str 7",
+                            "!foo 3",
+                            "=",
+                            "<<",
+                            "1,5",
+                            "[1, 010, [yes, x]]",
+                            "{a: 12:30, b: [0x1]}",
+                            "{<<: {a: 1, b: {c: 1}}, b: {d: 010}}",
+                            "{<<: [{a: 1, b: 2}, {b: 3}]}"}) {
+    texts.push_back(std::string("v: ") + value);
+  }
+  for (const char* text : {"on: 1\nv: 2001-1-1", "a: 1\n---\na: 2", "%YAML 1.2\n---\na: 010", "a: |\n  010\n",
+                           "a: >-\n  12:30\n", "a: &x {b: 010}\nc: {<<: *x, d: off}", "a: 1\n...\n"}) {
+    texts.emplace_back(text);
+  }
+  const std::vector<std::string> expected = by_rosparam(texts);
+  ASSERT_EQ(expected.size(), texts.size());
+  for (std::size_t i = 0; i < texts.size(); ++i) {
+    std::string value;
+    const std::string refusal = refusal_of([&] { value = canonical_yaml(texts[i]); });
+    EXPECT_EQ(value, expected[i]) << texts[i] << '\n' << refusal;
+    EXPECT_EQ(refusal.empty(), !expected[i].empty()) << texts[i];
+  }
+}
+
+TEST(ParamReader, RefusesWhatTheFileHasAndTheParameterServerLoses) {
+  XmlRpcValue tree;
+  tree["scan"]["max_range_m"] = 7;
+  tree["config_yaml"] = "scan: {max_range_m: 7, max_range_m: 8}";
+  EXPECT_TRUE(names(refusal(with_model_folder(tree)), {"parameters of /mapping", "scan.max_range_m", "twice"}));
+  tree["config_yaml"] = "scan: {max_range_m: 5}\nnobody: {knows: it}";
+  const ObjectNodeletParams params = read_object_nodelet_params(ParamReader(with_model_folder(tree), "here"));
+  EXPECT_EQ(params.pipeline.scan.max_range_m, 7.0) << "the parameter server counts";
+  EXPECT_TRUE(params.unknown.empty());
 }
 
 TEST(ParamReader, WithoutParametersGivesDefaults) {

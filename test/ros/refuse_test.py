@@ -71,6 +71,11 @@ class RefuseTest(unittest.TestCase):
         self.assert_refused("detection", {"detections": {"detector": "magic"}}, "detections.detector", "magic",
                             "least_squares", "network")
 
+    def test_a_key_that_the_file_has_twice(self):
+        twice = "scan:\n  max_range_m: 5.0\n  max_range_m: 6.0\n"
+        self.assert_refused("segmentation", {"config_yaml": twice, "scan": {"max_range_m": 6.0}},
+                            "scan.max_range_m is given twice")
+
     def test_damaged_model(self):
         with tempfile.TemporaryDirectory() as folder:
             model = pathlib.Path(folder) / "damaged.onnx"

@@ -14,9 +14,9 @@ namespace situation_awareness {
 /// Set `parameters` from YAML text that has their sections as maps; parameters that it omits keep their values.
 ///
 /// Throws std::invalid_argument naming `source`, the parameter's path and its bound: for a wrong type, a number out of
-/// bounds, a repeated key. `on_unknown_key` is called for each key without a parameter. Some values may have been set
-/// then. YAML 1.1 tools, rosparam among them, read 1e-3 as a string: a number may be given as a string, but not a
-/// string as a number.
+/// bounds, and what canonical_yaml refuses. Values are those of rosparam, which reads 1e-3 as a string: a number may be
+/// given as a string, but not a string as a number. `on_unknown_key` is called for each key without a parameter. Some
+/// values may have been set then.
 void read_yaml(const std::vector<Parameter>& parameters, const std::string& yaml, const std::string& source,
                const OnUnknownKey& on_unknown_key);
 

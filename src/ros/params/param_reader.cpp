@@ -9,6 +9,8 @@ namespace {
 
 using XmlRpc::XmlRpcValue;
 
+constexpr const char* kConfigYaml = "config_yaml";
+
 XmlRpcValue private_tree(const ros::NodeHandle& private_node) {
   XmlRpcValue tree;
   ros::param::get(private_node.getNamespace(), tree);
@@ -44,7 +46,21 @@ std::string yaml_from_xmlrpc(XmlRpcValue value) {
 ParamReader::ParamReader(const ros::NodeHandle& private_node)
     : ParamReader(private_tree(private_node), "parameters of " + private_node.getNamespace()) {}
 
-ParamReader::ParamReader(const XmlRpcValue& tree, const std::string& source)
-    : yaml_(yaml_from_xmlrpc(tree)), source_(source) {}
+ParamReader::ParamReader(const XmlRpcValue& tree, const std::string& source) : source_(source) {
+  XmlRpcValue parameters;  // without the text of the file: a struct cannot lose a member
+  if (tree.getType() != XmlRpcValue::TypeStruct) {
+    parameters = tree;
+  } else {
+    parameters.begin();  // makes an empty struct
+    for (auto& [name, value] : XmlRpcValue(tree)) {
+      if (name != kConfigYaml) {
+        parameters[name] = value;
+      } else if (value.getType() == XmlRpcValue::TypeString) {
+        file_yaml_ = static_cast<std::string&>(value);
+      }
+    }
+  }
+  yaml_ = yaml_from_xmlrpc(parameters);
+}
 
 }  // namespace situation_awareness
