@@ -127,6 +127,7 @@ add_library(${PROJECT_NAME}_bag STATIC
   src/ros/bag/json_line.cpp
   src/ros/bag/odometry.cpp
   src/ros/bag/progress.cpp
+  src/ros/bag/recording.cpp
   src/ros/bag/scans.cpp)
 situation_awareness_target(${PROJECT_NAME}_bag)
 target_link_libraries(${PROJECT_NAME}_bag PUBLIC

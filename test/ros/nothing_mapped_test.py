@@ -67,6 +67,43 @@ def grid(height_m=0.0, shift=(0.0, 0.0), options=(), **changes):
     return write
 
 
+def changed_bag(change, *options, name="in.bag", compression="none"):
+    """objects_bag of a room's bag of which `change` makes other bytes."""
+    def write(folder):
+        bag = bags.write(folder / "whole.bag", bags.room(2.0), compression)
+        (folder / name).write_bytes(change(bag.read_bytes()))
+        return [folder / name, "--world-frame", "odom", "--config", CONFIG, *options]
+    return write
+
+
+def without_index(data):
+    """As a recorder leaves it that did not close it: where the index will be is not known yet."""
+    return data.replace(b"index_pos=" + data.split(b"index_pos=")[1][:8], b"index_pos=" + bytes(8))[:-2000]
+
+
+def lz4_of_others(data):
+    """With the size of the content in the head of its frames, as the library liblz4 has it where it is told."""
+    return data.replace(b"\x04\x22\x4d\x18\x64", b"\x04\x22\x4d\x18\x48")
+
+
+def files(*names, data=b"", tool_options=("--world-frame", "odom", "--config", CONFIG)):
+    """What objects_bag is given is the first of the files, or the folder that has them."""
+    def write(folder):
+        for name in names:
+            (folder / name).parent.mkdir(exist_ok=True)
+            (folder / name).write_bytes(data)
+        return [folder / names[0] if len(names) == 1 else (folder / names[0]).parent, *tool_options]
+    return write
+
+
+def split(parts, *given):
+    """A room's recording in `parts` bags, and those of them that are given."""
+    def write(folder):
+        paths = bags.write_split(folder, bags.room(2.0), parts)
+        return [*(paths[i] for i in given), "--world-frame", "odom", "--config", CONFIG]
+    return write
+
+
 def ranges(value):
     """A change of a scan: all ranges are so."""
     def change(msg):
@@ -141,6 +178,45 @@ CASES = [
          splinegons("--localization", "tf", "--world-frame", "base_link", "--base-frame", "rover"), "it has no frame rover"),
     Case("lidar_of_splinegons", "splinegons_bag", splinegons("--lidar-frame", "velodyne", seconds=25.0),
          "it has no frame velodyne"),
+    Case("no_odometry", "polygons_bag", polygons(keep=lambda entry: entry[1] != "/odom"),
+         "topic /odom is not in the bag; topics of type nav_msgs/Odometry: none"),
+    Case("other_odometry", "polygons_bag", polygons("--odom-topic", "/wheels"),
+         "topics of type nav_msgs/Odometry: /odom"),
+    Case("other_odometry_of_survey", "record_reflectors", reflectors("--odom-topic", "/wheels"),
+         "topics of type nav_msgs/Odometry: /odom"),
+    # Files that are no bag of ROS 1, or none that can be read.
+    Case("no_such_bag", "objects_bag", lambda folder: [folder / "in.bag"], "in.bag: no such bag"),
+    Case("no_bag", "objects_bag", changed_bag(lambda data: b"a text"), "damaged, or no bag"),
+    Case("cut_in_the_middle", "objects_bag", changed_bag(lambda data: data[:len(data) // 2]), "cut short",
+         "rosbag reindex "),
+    Case("cut_near_the_end", "objects_bag", changed_bag(lambda data: data[:-5]), "cut short", "rosbag reindex "),
+    Case("not_closed", "objects_bag", changed_bag(without_index, name="in.bag.active"), "recorded still",
+         "rosbag reindex ", "in.bag.active makes"),
+    Case("damaged_message", "objects_bag",
+         changed_bag(lambda data: data[:5000] + bytes(20000) + data[25000:]), "in.bag: damaged"),
+    Case("lz4_of_others", "objects_bag", changed_bag(lz4_of_others, compression="lz4"),
+         "in.bag: unsupported compression: lz4 of another writer", "ros2_to_ros1 "),
+    Case("lz4", "objects_bag", changed_bag(lambda data: data, compression="lz4"), code=0),
+    Case("damaged_lz4", "objects_bag",
+         changed_bag(lambda data: data[:6000] + bytes(2000) + data[8000:], compression="lz4"), "in.bag: damaged: "),
+    Case("folder_of_bags", "objects_bag", files("run/a.bag", "run/b.bag"), "run: no bag: name the files of bags"),
+    Case("ros2_database", "objects_bag", files("run.db3", data=b"SQLite format 3\0" + bytes(4000)),
+         "run.db3: a recording of ROS 2 (SQLite)", "ros2_to_ros1 ", "run.db3 OUT.bag"),
+    Case("ros2_database_of_another_name", "polygons_bag", files("run", data=b"SQLite format 3\0", tool_options=(
+        "--localization", "tf")), "a recording of ROS 2 (SQLite)"),
+    Case("ros2_mcap", "splinegons_bag", files("run.mcap", data=b"\x89MCAP0\r\n" + bytes(40), tool_options=()),
+         "run.mcap: a recording of ROS 2 (MCAP)", "ros2_to_ros1 "),
+    Case("ros2_folder", "map_bag", files("run/metadata.yaml", "run/run_0.db3", tool_options=()),
+         "run: a recording of ROS 2 (a folder)", "ros2_to_ros1 "),
+    Case("ros2_folder_without_metadata", "objects_bag", files("run/run_0.mcap", "run/run_1.mcap"),
+         "run: a recording of ROS 2 (a folder)"),
+    Case("ros2_metadata", "record_reflectors", files("metadata.yaml", tool_options=()), "a recording of ROS 2"),
+    Case("ros2_compressed", "objects_bag", files("run_0.db3.zstd", data=b"\x28\xb5\x2f\xfd"),
+         "a recording of ROS 2 (compressed)"),
+    Case("split", "objects_bag", split(3, 0, 1, 2), code=0),
+    Case("split_and_twice", "objects_bag", split(2, 0, 1, 0), "a_0.bag: the same bag as"),
+    Case("split_without_transforms", "objects_bag", split(4, 2, 3), "a_2.bag and 1 more: nothing mapped",
+         "it has no frame laser"),
     # Scans by which nothing can be mapped, and some that show that nothing is there.
     Case("no_numbers", "objects_bag", objects(change=ranges(math.nan)), "no beam of 19 scans hit anything", "27379 are no range"),
     Case("nothing_in_range", "polygons_bag", polygons_by_tf(change=ranges(math.inf)), "no beam of 19 scans hit anything"),

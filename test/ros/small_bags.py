@@ -27,12 +27,23 @@ def at(t):
     return rospy.Time.from_sec(START_S + t)
 
 
-def write(path, messages):
+def in_order(messages):
+    return sorted(messages, key=lambda entry: entry[0])
+
+
+def write(path, messages, compression="none"):
     """`messages`: (seconds of arrival, topic, message)."""
-    with rosbag.Bag(str(path), "w") as bag:
-        for t, topic, msg in sorted(messages, key=lambda entry: entry[0]):
+    with rosbag.Bag(str(path), "w", compression=compression) as bag:
+        for t, topic, msg in in_order(messages):
             bag.write(topic, msg, at(t))
     return path
+
+
+def write_split(folder, messages, parts):
+    """As a recorder splits it: each bag has a part of the time."""
+    entries = in_order(messages)
+    ends = [len(entries) * i // parts for i in range(parts + 1)]
+    return [write(folder / f"a_{i}.bag", entries[ends[i]:ends[i + 1]]) for i in range(parts)]
 
 
 def transform(t, parent, child, xyz=(0.0, 0.0, 0.0), quaternion=(0.0, 0.0, 0.0, 1.0)):

@@ -7,7 +7,10 @@
 namespace situation_awareness {
 
 void add_bag_options(CommandLine& app, BagOptions& options, const std::string& default_config) {
-  app.add_option("IN.bag", options.bag, "the bag").required().type_name("");
+  app.add_option("IN.bag", options.bags, "the bag; all of them, if the recording was split")
+      .required()
+      .type_name("")
+      .take_all();
   app.add_option("--world-frame", options.world_frame, "frame of the map, found among the transforms")
       .type_name("NAME");
   app.add_option("--tf-topic", options.tf_topic,

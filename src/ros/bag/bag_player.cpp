@@ -3,13 +3,9 @@
 
 #include <algorithm>
 #include <cstdio>
-#include <filesystem>
 #include <stdexcept>
 #include <utility>
 
-#include <ros/exception.h>
-#include <rosbag/exceptions.h>
-#include <rosbag/view.h>
 #include <tf2/exceptions.h>
 
 #include "situation_awareness/ros/bag/progress.hpp"
@@ -28,18 +24,6 @@ constexpr const char* kBase = "base";
 constexpr const char* kSensor = "sensor";
 constexpr std::size_t kMaxWaiting = 10000;  // ten seconds of the fastest scanner
 
-/// Calls `act`; errors of the bag itself are thrown with its path.
-template <class Act>
-void reading(const std::string& path, const Act& act) {
-  try {
-    act();
-  } catch (const rosbag::BagException& error) {
-    throw std::runtime_error(path + ": damaged, or no bag: " + error.what());
-  } catch (const ros::Exception& error) {  // a message that is shorter than its type
-    throw std::runtime_error(path + ": damaged: " + error.what());
-  }
-}
-
 /// "a, b, c"
 template <class Texts>
 std::string list(const Texts& texts) {
@@ -52,26 +36,16 @@ std::string list(const Texts& texts) {
 
 BagPlayer::BagPlayer(const BagOptions& options, const Poses& poses)
     : options_(options),
+      recording_(options.bags),
       source_({tf2_frame(poses.base_frame), poses.are_given, poses.offset_s}),
       tf_(transform_cache_time(options.tf_timeout_s)),
       given_(transform_cache_time(options.tf_timeout_s)) {
   queues_.push_back(make_queue());
   options_.world_frame = tf2_frame(options_.world_frame);
-  if (!std::filesystem::is_regular_file(options_.bag)) throw std::runtime_error(options_.bag + ": no such bag");
-  reading(options_.bag, [this] { bag_.open(options_.bag, rosbag::bagmode::Read); });
 }
 
 void BagPlayer::other_version(const std::string& topic) {
   throw std::runtime_error("topic " + topic + " holds another version of its message type");
-}
-
-std::set<std::pair<std::string, std::string>> BagPlayer::topics() const {
-  std::set<std::pair<std::string, std::string>> topics;
-  rosbag::View view(bag_);
-  for (const rosbag::ConnectionInfo* connection : view.getConnections()) {
-    topics.emplace(connection->topic, connection->datatype);
-  }
-  return topics;
 }
 
 /// The topic's name in the bag.
@@ -79,7 +53,7 @@ std::string BagPlayer::find_topic(const std::string& wanted, const std::string& 
   std::set<std::string> of_type;
   std::string other_type;
   const std::string bare = tf2_frame(wanted);
-  for (const auto& [topic, type] : topics()) {
+  for (const auto& [topic, type] : recording_.topics()) {
     if (type == datatype) {
       of_type.insert(topic);
     } else if (tf2_frame(topic) == bare) {
@@ -89,7 +63,7 @@ std::string BagPlayer::find_topic(const std::string& wanted, const std::string& 
   for (const std::string& topic : of_type) {
     if (tf2_frame(topic) == bare) return topic;
   }
-  throw std::runtime_error(options_.bag + ": topic " + wanted +
+  throw std::runtime_error(recording_name(options_.bags) + ": topic " + wanted +
                            (other_type.empty() ? " is not in the bag" : " is of type " + other_type) +
                            "; topics of type " + datatype + ": " + (of_type.empty() ? "none" : list(of_type)));
 }
@@ -162,16 +136,16 @@ void BagPlayer::dropped(const std::string& reason, const std::string& detail) {
 
 void BagPlayer::play() {
   const auto start = std::chrono::steady_clock::now();
-  reading(options_.bag, [this] { play_all(); });
+  play_all();
   wall_s_ = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
 }
 
 void BagPlayer::play_all() {
   const std::string tf = tf2_frame(options_.tf_topic), tf_static = tf + kStatic;
-  for (const rosbag::MessageInstance& instance :
-       rosbag::View(bag_, rosbag::TopicQuery(std::vector<std::string>{"/" + tf_static, tf_static}))) {
+  recording_.read({"/" + tf_static, tf_static}, [this](const rosbag::MessageInstance& instance) {
     add_transforms(*read<tf2_msgs::TFMessage>(instance), true);
-  }
+    return true;
+  });
   for (const std::string& topic : {"/" + tf, tf}) {
     subscriptions_[topic] = [this](const auto& instance) {
       add_transforms(*read<tf2_msgs::TFMessage>(instance), false);
@@ -179,14 +153,15 @@ void BagPlayer::play_all() {
   }
   std::vector<std::string> topics;
   for (const auto& [topic, take] : subscriptions_) topics.push_back(topic);
-  rosbag::View measured(bag_, rosbag::TopicQuery(measured_topic_));
-  if (measured.size() > 0) recorded_s_ = (measured.getEndTime() - measured.getBeginTime()).toSec();
-  Progress progress(measured.size(), noun_);
-  for (const rosbag::MessageInstance& instance : rosbag::View(bag_, rosbag::TopicQuery(topics))) {
+  const Recording::Extent measured = recording_.extent_of(measured_topic_);
+  recorded_s_ = measured.duration_s;
+  Progress progress(measured.messages, noun_);
+  recording_.read(topics, [this, &progress](const rosbag::MessageInstance& instance) {
     subscriptions_.at(instance.getTopic())(instance);
     release(to_nanoseconds(instance.getTime()));
     progress.at(measurements_);
-  }
+    return true;
+  });
   release(kEndOfTime_ns);
 }
 
@@ -237,7 +212,7 @@ void BagPlayer::release(SensorQueue& of, std::int64_t now_ns) {
 /// What may help where there are no transforms.
 std::string BagPlayer::transforms_hint() const {
   std::set<std::string> others;
-  for (const auto& [topic, type] : topics()) {
+  for (const auto& [topic, type] : recording_.topics()) {
     if (type != "tf2_msgs/TFMessage" && type != "tf/tfMessage") continue;
     const std::string bare = tf2_frame(topic);
     const bool is_static = bare.size() > kStatic.size() && bare.rfind(kStatic) == bare.size() - kStatic.size();
@@ -254,7 +229,8 @@ std::string BagPlayer::transforms_hint() const {
 
 void BagPlayer::check_mapped(const std::string& why_not) const {
   if (used_ > 0 && why_not.empty()) return;
-  std::string sentence = options_.bag + ": nothing mapped of " + std::to_string(measurements_) + " " + noun_;
+  std::string sentence =
+      recording_name(options_.bags) + ": nothing mapped of " + std::to_string(measurements_) + " " + noun_;
   if (!why_not.empty()) throw std::runtime_error(sentence + ": " + why_not);
   for (const auto& [reason, count] : dropped_) {
     sentence += ", " + std::to_string(count) + " dropped: " + reason;

@@ -28,8 +28,8 @@ namespace {
 /// The cameras of a bag, read before its images: a message may come after the image that it is of.
 class CameraInfos {
  public:
-  CameraInfos(const std::string& bag_path, const std::string& topic) {
-    for_each_message<sensor_msgs::CameraInfo>(bag_path, topic, [this](const auto& info) {
+  CameraInfos(const BagOptions& bag, const std::string& topic) {
+    for_each_message<sensor_msgs::CameraInfo>(bag, topic, [this](const auto& info) {
       infos_[to_nanoseconds(info->header.stamp)] = info;
       return true;
     });
@@ -91,7 +91,7 @@ CommandLineOption add_dem_option(CommandLine& app, ImageOptions& options) {
 struct BagImages::Work {
   Work(const BagOptions& bag, const ImageOptions& options, const GridPipelineParams& params)
       : pipeline(params, std::make_shared<Elevation>(Elevation::load(options.dem))),
-        infos(bag.bag, options.camera_info_topic),
+        infos(bag, options.camera_info_topic),
         labelling(labelling_of(options, params)) {
     pipeline.trust_stamps();  // the player has judged them
   }

@@ -44,13 +44,10 @@ void check_reflector_options(const ReflectorOptions& options, bool by_reflectors
 
 BagPlayer player_by_odometry(const BagOptions& bag, const OdometryFrames& frames) { return {bag, {frames.base, true}}; }
 
-BagLocalization::BagLocalization(BagPlayer& player, const BagOptions& bag, const ReflectorOptions& options,
-                                 const OdometryFrames& frames, const std::string& scan_topic,
-                                 const RangeLimiterParams& scan_params, LocalizationPipeline& localization, Use use)
+BagLocalization::BagLocalization(BagPlayer& player, const ReflectorOptions& options, const OdometryFrames& frames,
+                                 const std::string& scan_topic, const RangeLimiterParams& scan_params,
+                                 LocalizationPipeline& localization, Use use)
     : localization_(localization), needs_initial_(!options.initial_pose.empty()) {
-  if (frames.odom.empty()) {
-    throw std::runtime_error(bag.bag + ": no nav_msgs/Odometry on " + options.odometry.topic);
-  }
   const Pose2 initial = needs_initial_ ? parse_pose2(options.initial_pose, "--initial-pose") : Pose2{};
   UseOdometry use_odometry;
   use_odometry.add = [this, initial](std::int64_t stamp_ns, const Pose2& T_odom_base, std::int64_t received_ns) {

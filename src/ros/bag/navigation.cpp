@@ -19,7 +19,7 @@ namespace {
 
 /// Of the first message; empty where there is none.
 template <class Message>
-std::string frame_of(const std::string& bag, const std::string& topic) {
+std::string frame_of(const BagOptions& bag, const std::string& topic) {
   std::string frame;
   for_each_message<Message>(bag, topic, [&frame](const auto& msg) {
     frame = tf2_frame(msg->header.frame_id);
@@ -59,8 +59,8 @@ BagNavigation::BagNavigation(const std::string& program, BagPlayer& player, cons
       player_(player),
       imu_topic_(options.imu_topic),
       fix_topic_(options.fix_topic),
-      imu_frame_(frame_of<sensor_msgs::Imu>(bag.bag, options.imu_topic)),
-      fix_frame_(frame_of<sensor_msgs::NavSatFix>(bag.bag, options.fix_topic)) {
+      imu_frame_(frame_of<sensor_msgs::Imu>(bag, options.imu_topic)),
+      fix_frame_(frame_of<sensor_msgs::NavSatFix>(bag, options.fix_topic)) {
   params.validate();
   params_.base_frame = tf2_frame(base_frame);
   params_.origin = options.origin;

@@ -26,7 +26,7 @@ void add_odometry_options(CommandLine& app, OdometryOptions& options) {
 OdometryFrames odometry_frames(const BagOptions& bag, const OdometryOptions& options) {
   OdometryFrames frames{tf2_frame(options.frames.odom), tf2_frame(options.frames.base)};
   std::string defect;
-  for_each_message<nav_msgs::Odometry>(bag.bag, options.topic, [&](const auto& msg) {
+  for_each_message<nav_msgs::Odometry>(bag, options.topic, [&](const auto& msg) {
     defect = odometry_frame_defect(*msg, frames, options.topic);
     if (!defect.empty()) return true;
     if (frames.odom.empty()) frames.odom = tf2_frame(msg->header.frame_id);
@@ -34,7 +34,8 @@ OdometryFrames odometry_frames(const BagOptions& bag, const OdometryOptions& opt
     return false;
   });
   if (!defect.empty()) {
-    throw std::runtime_error(bag.bag + ": " + defect + ": --odom-frame and --base-frame name the frames of odometry");
+    throw std::runtime_error(recording_name(bag.bags) + ": " + defect +
+                             ": --odom-frame and --base-frame name the frames of odometry");
   }
   return frames;
 }
@@ -57,6 +58,7 @@ void subscribe_odometry_scans(BagPlayer& player, const std::string& odom_topic, 
     if (verdict == OdometryTrack::Verdict::kRestarted) player.forget_poses();
     player.add_pose(transform);
   });
+  if (frames.odom.empty()) throw std::runtime_error("there is no message on " + odom_topic);
   subscribe_scans(player, scan_topic, scan_params,
                   [&player, use_scan = std::move(use.use)](const Scan& scan, const auto& T_odom_lidar,
                                                            const auto& T_odom_lidar_end) {

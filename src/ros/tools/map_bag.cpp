@@ -293,20 +293,20 @@ void map_by_reflectors(const Options& options, const Params& params) {
   Output out(options);
   PointStates states;
   player.on_restart([&pipeline] { pipeline.begin_anew(); });
-  BagLocalization bag_localization(
-      player, options.bag, options.reflectors, frames, options.scan_topic, params.bag.map.layers.scan, localization,
-      [&](const Scan& scan, const OdometryScan& placed) {
-        const MapDelta* const update = player.timed([&]() -> const MapDelta* {
-          const std::optional<PlacedScan> in_world = localization.place(scan, placed);
-          if (!in_world) return nullptr;
-          return &pipeline.process(scan, in_world->T_world_lidar, in_world->T_world_lidar_end, in_world->covariance);
-        });
-        if (update == nullptr) return false;
-        const LocalizedPose pose = localization.localization().pose();
-        states.add(pipeline.points());
-        out.write(*update, {pose.T_world_base.x, pose.covariance_world}, pipeline);
-        return true;
-      });
+  BagLocalization bag_localization(player, options.reflectors, frames, options.scan_topic, params.bag.map.layers.scan,
+                                   localization, [&](const Scan& scan, const OdometryScan& placed) {
+                                     const MapDelta* const update = player.timed([&]() -> const MapDelta* {
+                                       const std::optional<PlacedScan> in_world = localization.place(scan, placed);
+                                       if (!in_world) return nullptr;
+                                       return &pipeline.process(scan, in_world->T_world_lidar,
+                                                                in_world->T_world_lidar_end, in_world->covariance);
+                                     });
+                                     if (update == nullptr) return false;
+                                     const LocalizedPose pose = localization.localization().pose();
+                                     states.add(pipeline.points());
+                                     out.write(*update, {pose.T_world_base.x, pose.covariance_world}, pipeline);
+                                     return true;
+                                   });
   player.play();
   player.print_summary();
   bag_localization.print_summary();

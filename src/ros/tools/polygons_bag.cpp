@@ -194,9 +194,8 @@ void map_by_reflectors(const Options& options, const Params& params, const Odome
   BagPlayer player = player_by_odometry(options.bag, frames);
   Output out(options);
   player.on_restart([&pipeline] { pipeline.pipeline().begin_anew(); });
-  BagLocalization localization(player, options.bag, options.reflectors, frames, options.scan_topic,
-                               params.polygons.scan, pipeline.localization_pipeline(),
-                               [&](const Scan& scan, const OdometryScan& placed) {
+  BagLocalization localization(player, options.reflectors, frames, options.scan_topic, params.polygons.scan,
+                               pipeline.localization_pipeline(), [&](const Scan& scan, const OdometryScan& placed) {
                                  if (!player.timed([&] { return pipeline.process(scan, placed); })) return false;
                                  const LocalizedPose pose = pipeline.localization().pose();
                                  out.write(scan, pose.T_world_base.x, pose.covariance_world, pipeline.pipeline());

@@ -88,9 +88,6 @@ int record_reflectors(const Options& options) {
   const std::string path = config_path(options.bag, kConfig);
   const auto params = params_from_yaml<PolygonPipelineParams>(read_text_file(path), path);
   const OdometryFrames frames = odometry_frames(options.bag, options.odometry);
-  if (frames.odom.empty()) {
-    throw std::runtime_error(options.bag.bag + ": no nav_msgs/Odometry on " + options.odometry.topic);
-  }
   ReflectorDetectionParams reflectors = params.reflectors;
   reflectors.radius_m = options.survey.radius_m;
   reflectors.validate();
@@ -128,7 +125,7 @@ int record_reflectors(const Options& options) {
   }
   player.check_mapped(evidence.why_none());
   print_found(result);
-  if (!result.reason.empty()) throw std::runtime_error(options.bag.bag + ": " + result.reason);
+  if (!result.reason.empty()) throw std::runtime_error(recording_name(options.bag.bags) + ": " + result.reason);
   save_reflector_map(options.out, result.map);
   return 0;
 }

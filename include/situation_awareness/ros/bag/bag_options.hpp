@@ -2,6 +2,7 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 namespace situation_awareness {
 
@@ -9,8 +10,8 @@ class CommandLine;
 
 /// Common options of all programs that read a bag.
 struct BagOptions {
-  std::string bag;
-  std::string config;  ///< path; empty: cfg/ of this package
+  std::vector<std::string> bags;  ///< of one recording: several if it was split
+  std::string config;             ///< path; empty: cfg/ of this package
   std::string world_frame = "world";
   std::string tf_topic = "/tf";  ///< static transforms are on TOPIC_static
   bool static_sensor = false;

@@ -15,7 +15,6 @@
 #include <geometry_msgs/TransformStamped.h>
 #include <ros/message_traits.h>
 #include <ros/time.h>
-#include <rosbag/bag.h>
 #include <rosbag/message_instance.h>
 #include <tf2/buffer_core.h>
 #include <tf2_msgs/TFMessage.h>
@@ -24,11 +23,12 @@
 
 #include "situation_awareness/common/counters.hpp"
 #include "situation_awareness/ros/bag/bag_options.hpp"
+#include "situation_awareness/ros/bag/recording.hpp"
 #include "situation_awareness/ros/transform_queue.hpp"
 
 namespace situation_awareness {
 
-/// Plays a bag as fast as the program processes it, message by message in the order of the recording. Measurements of
+/// Plays a recording as fast as the program processes it, message by message in its order. Measurements of
 /// one sensor wait for the poses of its frame as in the nodelets, by the time of the recording. The poses are those of
 /// TF, as PosedInput has them, or those that the program gives of the sensor's base, as in ScansOnBase: then TF says
 /// only where the sensors are on the base.
@@ -48,7 +48,7 @@ class BagPlayer {
     double offset_s = 0.0;        ///< the pose of a measurement is so much later
   };
 
-  /// Opens the bag; stamps that go back by more than StampOrder::kResetTimeJump_s are a restart (StampOrder). Throws
+  /// Opens the bags; stamps that go back by more than StampOrder::kResetTimeJump_s are a restart (StampOrder). Throws
   /// std::runtime_error.
   BagPlayer(const BagOptions& options, const Poses& poses);
 
@@ -107,7 +107,7 @@ class BagPlayer {
     return work();
   }
 
-  /// From the first message to the last. Throws std::runtime_error if the bag is damaged.
+  /// From the first message to the last. Throws as Recording::read.
   void play();
 
   /// Prints the number of measurements used, the drops by reason, and the time, and warnings to stderr.
@@ -143,8 +143,6 @@ class BagPlayer {
   }
   [[noreturn]] static void other_version(const std::string& topic);
 
-  /// (topic, type) of each connection.
-  std::set<std::pair<std::string, std::string>> topics() const;
   std::string find_topic(const std::string& wanted, const std::string& datatype) const;
   void add_transforms(const tf2_msgs::TFMessage& msg, bool is_static);
   void mount();
@@ -157,7 +155,7 @@ class BagPlayer {
   TransformQueue<Use>& queue_of(const std::string& frame);
 
   BagOptions options_;
-  rosbag::Bag bag_;
+  Recording recording_;
   std::map<std::string, std::function<void(const rosbag::MessageInstance&)>> subscriptions_;  ///< by topic
   std::string noun_, measured_topic_;
   std::set<std::string> frames_;  ///< of all transforms

@@ -37,10 +37,10 @@ class BagLocalization {
   /// Handles a scan and the poses that it is placed by; returns whether the pose was known. To be done by place().
   using Use = std::function<bool(const Scan& scan, const OdometryScan& placed)>;
 
-  /// Subscribes to odometry and scans of the player. `localization` outlives it. Throws as BagPlayer::subscribe, and
-  /// std::runtime_error where there is no odometry.
-  BagLocalization(BagPlayer& player, const BagOptions& bag, const ReflectorOptions& options,
-                  const OdometryFrames& frames, const std::string& scan_topic, const RangeLimiterParams& scan_params,
+  /// Subscribes to odometry and scans of the player. `localization` outlives it. Throws as
+  /// subscribe_odometry_scans.
+  BagLocalization(BagPlayer& player, const ReflectorOptions& options, const OdometryFrames& frames,
+                  const std::string& scan_topic, const RangeLimiterParams& scan_params,
                   LocalizationPipeline& localization, Use use);
   BagLocalization(const BagLocalization&) = delete;
   BagLocalization& operator=(const BagLocalization&) = delete;

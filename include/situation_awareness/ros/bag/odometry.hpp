@@ -37,7 +37,7 @@ struct UseOdometry {
 
 /// Subscribes to odometry and scans (bag/scans.hpp) of a player to which the poses are given: scans wait for the
 /// odometry of their first and last beams. Messages that cannot be used are counted in `refused`, which must outlive
-/// the player. Throws as BagPlayer::subscribe does.
+/// the player. Throws as BagPlayer::subscribe does, and std::runtime_error where there is no message of odometry.
 void subscribe_odometry_scans(BagPlayer& player, const std::string& odom_topic, const std::string& scan_topic,
                               const RangeLimiterParams& scan_params, const OdometryFrames& frames, Counters& refused,
                               UseOdometry use);
