@@ -196,6 +196,6 @@ install(DIRECTORY include/${PROJECT_NAME}/ DESTINATION ${CATKIN_PACKAGE_INCLUDE_
   PATTERN bag EXCLUDE PATTERN check EXCLUDE PATTERN evaluation EXCLUDE)  # of libraries that are not installed
 install(FILES nodelets.xml DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION})
 install(DIRECTORY cfg launch models DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION})
-# Of the scripts only those that a launch file starts: the others build and test a source tree.
-install(PROGRAMS examples/plot_objects_bag.py scripts/check_live scripts/fleet_rviz
+# Of the scripts only those for users: the others build and test a source tree.
+install(PROGRAMS examples/plot_objects_bag.py scripts/check_live scripts/fleet_rviz scripts/ros2_to_ros1
   DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})
