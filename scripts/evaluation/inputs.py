@@ -30,7 +30,7 @@ WALLS = np.array([(6.0, 2.5), (6.0, 4.5), (-6.0, 4.5), (-6.0, -4.5), (6.0, -4.5)
 FOUND_M, OFF_M = 0.2, 0.1
 MOST_RATIO, LEAST_ERROR_M = 1.2, 0.005
 MOUNT_M = 0.2
-NEEDS = re.compile(r"scan/(no_return|beam_order|stamp_at):? (?:to )?(\w+)")
+NEEDS = re.compile(r"set scan/(no_return|beam_order|stamp_at) to (\w+)")
 
 
 # --- the world, and a drive in it

@@ -112,8 +112,8 @@ class CheckBagTest(BagToolTest):
     def test_names_contradictions_of_scans(self):
         for alter, words in (
                 (ranges(lambda r: 1000.0 * r), "ranges of up to"),
-                (ranges(lambda r: r if math.isfinite(r) and r < 8.0 else 0.0), "scan/no_return: zero"),
-                (ranges(lambda r: r if math.isfinite(r) and r < 8.0 else math.nan), "scan/no_return: nan"),
+                (ranges(lambda r: r if math.isfinite(r) and r < 8.0 else 0.0), "scan/no_return to zero"),
+                (ranges(lambda r: r if math.isfinite(r) and r < 8.0 else math.nan), "scan/no_return to nan"),
                 (ranges(lambda r: math.inf), "no beam has a return"),
                 (fields("/scan", angle_increment=0.0), "angle increment of zero"),
                 (fields("/scan", header__frame_id=""), "no frame_id"),

@@ -45,7 +45,7 @@ class CheckLiveTest(unittest.TestCase):
                               stdout=subprocess.PIPE, stderr=subprocess.STDOUT, check=False)
         self.assertEqual(done.returncode, 0, done.stdout)
         self.assertIn("/front/scan  sensor_msgs/LaserScan", done.stdout)
-        self.assertIn("scan/no_return: zero", done.stdout)
+        self.assertIn("scan/no_return to zero", done.stdout)
         self.assertIn("roslaunch situation_awareness map.launch scan:=/front/scan world_frame:=odom", done.stdout)
         self.assertNotIn("map_bag", done.stdout)
 

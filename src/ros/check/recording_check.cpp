@@ -9,19 +9,19 @@
 #include <stdexcept>
 #include <utility>
 
-#include <rosbag/bag.h>
-#include <rosbag/exceptions.h>
-#include <rosbag/view.h>
+#include <rosbag/message_instance.h>
 
 #include "situation_awareness/common/format.hpp"
 #include "situation_awareness/ros/bag/bag_options.hpp"
 #include "situation_awareness/ros/bag/bag_player.hpp"
+#include "situation_awareness/ros/bag/recording.hpp"
 #include "situation_awareness/ros/bag/scans.hpp"
 #include "situation_awareness/ros/check/camera.hpp"
 #include "situation_awareness/ros/check/motion.hpp"
 #include "situation_awareness/ros/check/scanner_motion.hpp"
 #include "situation_awareness/ros/check/scans.hpp"
 #include "situation_awareness/ros/gps_ins_input.hpp"
+#include "situation_awareness/ros/pose_offset_report.hpp"
 
 namespace situation_awareness {
 namespace {
@@ -47,8 +47,9 @@ std::string quoted(const std::string& text) {
 
 }  // namespace
 
-std::string map_bag_line(const MapPlan& plan, const std::string& bag) {
-  std::string line = "rosrun situation_awareness map_bag " + quoted(bag);
+std::string map_bag_line(const MapPlan& plan, const std::vector<std::string>& bags) {
+  std::string line = "rosrun situation_awareness map_bag";
+  for (const std::string& bag : bags) line += " " + quoted(bag);
   const auto add = [&line](const std::string& option, const std::string& value) {
     line += " " + option + " " + quoted(value);
   };
@@ -112,7 +113,8 @@ std::string map_launch_line(const MapPlan& plan) {
   return line;
 }
 
-RecordingCheck::RecordingCheck(std::string bag, std::string dem) : bag_(std::move(bag)), dem_(std::move(dem)) {
+RecordingCheck::RecordingCheck(std::vector<std::string> bags, std::string dem)
+    : bags_(std::move(bags)), dem_(std::move(dem)) {
   read();
   choose();
   for (const auto& check : checks_) topics_.push_back(check->report());
@@ -126,17 +128,11 @@ RecordingCheck::RecordingCheck(std::string bag, std::string dem) : bag_(std::mov
 }
 
 void RecordingCheck::read() {
-  rosbag::Bag bag;
-  try {
-    bag.open(bag_, rosbag::bagmode::Read);
-  } catch (const rosbag::BagException& error) {
-    throw std::runtime_error(bag_ + ": damaged, or no bag: " + error.what());
-  }
+  const Recording recording(bags_);
   std::map<std::string, TopicCheck*> by_topic;
   std::vector<std::string> topics;
-  for (const rosbag::ConnectionInfo* connection : rosbag::View(bag).getConnections()) {
-    const std::string& topic = connection->topic;
-    if (is_transforms(connection->datatype)) {
+  for (const auto& [topic, datatype] : recording.topics()) {
+    if (is_transforms(datatype)) {
       topics.push_back(topic);
       if (!is_static_topic(topic) && std::find(tf_topics_.begin(), tf_topics_.end(), topic) == tf_topics_.end()) {
         tf_topics_.push_back(topic);
@@ -144,7 +140,7 @@ void RecordingCheck::read() {
       continue;
     }
     if (by_topic.count(topic) > 0) continue;
-    std::unique_ptr<TopicCheck> check = make_topic_check(topic, connection->datatype);
+    std::unique_ptr<TopicCheck> check = make_topic_check(topic, datatype);
     if (!check) continue;
     by_topic[topic] = check.get();
     topics.push_back(topic);
@@ -155,17 +151,17 @@ void RecordingCheck::read() {
                                   [](const std::string& topic) { return tf2_frame(topic) == "tf"; });
   if (!has_tf && !tf_topics_.empty()) plan_.tf_topic = "/" + tf2_frame(tf_topics_.front());
   const std::string tf = tf2_frame(plan_.tf_topic);
-  for (const rosbag::MessageInstance& instance : rosbag::View(bag, rosbag::TopicQuery(topics))) {
+  recording.read(topics, [&](const rosbag::MessageInstance& instance) {
     const auto check = by_topic.find(instance.getTopic());
+    const std::string topic = tf2_frame(instance.getTopic());
     if (check != by_topic.end()) {
       check->second->add(instance);
-      continue;
+    } else if (topic == tf || topic == tf + "_static") {
+      const auto msg = instance.instantiate<tf2_msgs::TFMessage>();
+      if (msg) transforms_.add(*msg, is_static_topic(topic), to_nanoseconds(instance.getTime()));
     }
-    const std::string topic = tf2_frame(instance.getTopic());
-    if (topic != tf && topic != tf + "_static") continue;
-    const auto msg = instance.instantiate<tf2_msgs::TFMessage>();
-    if (msg) transforms_.add(*msg, is_static_topic(topic), to_nanoseconds(instance.getTime()));
-  }
+    return true;
+  });
 }
 
 template <class Check>
@@ -321,7 +317,7 @@ void RecordingCheck::compare_clocks() {
 
 void RecordingCheck::follow_poses() {
   BagOptions options;
-  options.bag = bag_;
+  options.bags = bags_;
   options.tf_topic = plan_.tf_topic;
   options.static_sensor = plan_.pose == MapPlan::Pose::kStaticSensor;
   if (plan_.pose == MapPlan::Pose::kTf) options.world_frame = plan_.world_frame;
@@ -330,14 +326,16 @@ void RecordingCheck::follow_poses() {
   StandingScanner standing;
   const bool has_poses = plan_.pose == MapPlan::Pose::kTf;
   const bool follows_scans = plan_.pose != MapPlan::Pose::kGps && !plan_.scan_topic.empty();
+  std::shared_ptr<const ScannerCheck> scanner;
   if (follows_scans) {
-    subscribe_scans(player, plan_.scan_topic, [&](const Scan& scan, const auto& T_world_lidar, const auto& T_end) {
-      if (has_poses) {
-        motion.add(scan, T_world_lidar, T_end);
-      } else {
-        standing.add(scan);
-      }
-    });
+    scanner = subscribe_scans(player, plan_.scan_topic, RangeLimiterParams{},
+                              [&](const Scan& scan, const auto& T_world_lidar, const auto& /*T_world_lidar_end*/) {
+                                if (has_poses) {
+                                  motion.add(scan, T_world_lidar);
+                                } else {
+                                  standing.add(scan);
+                                }
+                              });
   }
   std::optional<GpsInsInput> gps_ins;
   std::string contradiction;
@@ -369,6 +367,7 @@ void RecordingCheck::follow_poses() {
     }
     if (has_poses) {
       motion.report(plan_.scan_topic, check_of(plan_.scan_topic).stamps().period_s(), motion_, findings_);
+      advise(*scanner);
     } else {
       standing.report(plan_.scan_topic, findings_);
     }
@@ -379,6 +378,18 @@ void RecordingCheck::follow_poses() {
     motion_.push_back(formatted("the pose by GPS is known %.1f s after the first fix", (*ready - *first_fix).toSec()));
   } else {
     findings_.push_back({"there is no pose by GPS: " + gps_ins->why_not_ready(), "docs/poses.md"});
+  }
+}
+
+/// What the driver's messages are to be taken for, where they are not as the defaults say.
+void RecordingCheck::advise(const ScannerCheck& scanner) {
+  const PoseOffset& offset = scanner.pose_offset().estimate();
+  motion_.push_back("scan_pose_offset_s: " + pose_offset_text(offset));
+  for (const std::string& advice : scanner.advice()) {
+    findings_.push_back({plan_.scan_topic + ": " + advice, "in a copy of cfg/map.yaml, with --config"});
+  }
+  if (scanner.is_out_of_step()) {
+    findings_.push_back({pose_offset_advice(scanner.pose_offset()), "in a copy of cfg/map.yaml, with --config"});
   }
 }
 

@@ -9,7 +9,6 @@
 #include "situation_awareness/common/time.hpp"
 #include "situation_awareness/geometry/angles.hpp"
 #include "situation_awareness/points/horizontal_projection.hpp"
-#include "situation_awareness/ros/pose_offset_report.hpp"
 
 namespace situation_awareness {
 namespace {
@@ -21,10 +20,7 @@ constexpr double kStands_m = 0.1, kStands_rad = 0.05;
 
 }  // namespace
 
-void ScannerMotion::add(const Scan& scan, const Eigen::Isometry3d& T_world_lidar,
-                        const Eigen::Isometry3d& T_world_lidar_end) {
-  points_ = project_horizontally(scan, T_world_lidar, T_world_lidar_end, std::move(points_));
-  offset_.add(points_);
+void ScannerMotion::add(const Scan& scan, const Eigen::Isometry3d& T_world_lidar) {
   has_times_ = scan.time_increment_s > 0.0;
   const double step_s = stamp_ns_ ? seconds_between(*stamp_ns_, scan.stamp_ns) : 0.0;
   if (step_s > 0.0) {
@@ -44,7 +40,6 @@ void ScannerMotion::report(const std::string& topic, double period_s, std::vecto
   if (!stamp_ns_) return;
   facts.push_back(formatted("the scanner moves %.1f m, at up to %.2f m/s, and turns by %.0f deg, at up to %.2f rad/s",
                             way_m_, speed_m_s_, degrees(turned_rad_), rate_rad_s_));
-  facts.push_back("scan_pose_offset_s: " + pose_offset_text(offset_.estimate()));
   if (!has_times_ && (rate_rad_s_ * period_s > kDistortion_rad || speed_m_s_ * period_s > kDistortion_m)) {
     findings.push_back(
         {formatted("%s moves by up to %.2f m and turns by up to %.1f deg from scan to scan, and its beams "
@@ -52,8 +47,6 @@ void ScannerMotion::report(const std::string& topic, double period_s, std::vecto
                    topic.c_str(), speed_m_s_ * period_s, degrees(rate_rad_s_ * period_s)),
          "let the driver of a spinning scanner set time_increment"});
   }
-  const std::string advice = pose_offset_advice(offset_);
-  if (!advice.empty()) findings.push_back({advice, "docs/poses.md says how it is found"});
 }
 
 void StandingScanner::add(const Scan& scan) {

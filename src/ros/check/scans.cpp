@@ -37,6 +37,7 @@ void ScanTopicCheck::look(const sensor_msgs::LaserScan& msg) {
   fewest_beams_ = std::min(fewest_beams_, msg.ranges.size());
   most_beams_ = std::max(most_beams_, msg.ranges.size());
   beams_ += msg.ranges.size();
+  convention_.add_ranges(msg.ranges, msg.range_max);
   for (const float range_m : msg.ranges) {
     if (std::isnan(range_m)) {
       ++nan_;
@@ -98,12 +99,10 @@ void ScanTopicCheck::add_to(TopicReport& report) const {
   }
   add_times(report);
 
-  const double silent = part(nan_) + part(zero_), free = part(infinite_) + part(at_max_);
-  if (silent > 1e2 * kMany && free == 0.0) {
+  const std::string advice = convention_.no_return_advice();
+  if (!advice.empty()) {
     report.findings.push_back(
-        {formatted("no beam says that it met nothing, and %.1f %% are %s", silent, zero_ > nan_ ? "zero" : "NaN"),
-         std::string("if that is what the driver sends for nothing, set scan/no_return: ") +
-             (zero_ > nan_ ? "zero" : "nan") + "; else what has gone stays on the map longer"});
+        {advice, "in a copy of cfg/map.yaml, with --config: what has gone leaves the map sooner"});
   }
   if (part(beyond_max_) > 1e2 * kMany || largest_m_ > kLargestRange_m) {
     report.findings.push_back({formatted("ranges of up to %.4g m, and range_max is %.4g m", largest_m_,

@@ -18,18 +18,19 @@ the bag, map.launch for the same sensors live. The exit code is 1 if the bag can
 )";
 
 struct Options {
-  std::string bag, dem;
+  std::vector<std::string> bags;
+  std::string dem;
   bool is_live = false;
 };
 
 void add_options(CommandLine& app, Options& options) {
-  app.add_option("IN.bag", options.bag, "the bag").required().type_name("");
+  app.add_option("IN.bag", options.bags, "the bag; all of them, if the recording was split").required().type_name("");
   app.add_option("--dem", options.dem, "the elevation under the images").type_name("FILE");
   app.add_flag("--live", options.is_live, "the bag was made for this page: print the line of map.launch alone");
 }
 
 int check_bag(const Options& options) {
-  const RecordingCheck check(options.bag, options.dem);
+  const RecordingCheck check(options.bags, options.dem);
   for (const TopicReport& topic : check.topics()) {
     std::printf("%s  %s\n", topic.topic.c_str(), topic.type.c_str());
     for (const std::string& fact : topic.facts) std::printf("    %s\n", fact.c_str());
@@ -49,7 +50,7 @@ int check_bag(const Options& options) {
     std::printf("\nIt cannot be mapped.\n");
     return 1;
   }
-  if (!options.is_live) std::printf("\nMap it\n    %s\n", map_bag_line(check.plan(), options.bag).c_str());
+  if (!options.is_live) std::printf("\nMap it\n    %s\n", map_bag_line(check.plan(), options.bags).c_str());
   std::printf("\nLive\n    %s\n", map_launch_line(check.plan()).c_str());
   return 0;
 }

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "situation_awareness/pipeline/scanner_check.hpp"
 #include "situation_awareness/ros/check/report.hpp"
 #include "situation_awareness/ros/check/topic_check.hpp"
 #include "situation_awareness/ros/check/transform_tree.hpp"
@@ -32,7 +33,7 @@ struct MapPlan {
 };
 
 /// "rosrun situation_awareness map_bag ...", with which the recording is mapped without another argument.
-std::string map_bag_line(const MapPlan& plan, const std::string& bag);
+std::string map_bag_line(const MapPlan& plan, const std::vector<std::string>& bags);
 /// "roslaunch situation_awareness map.launch ...", for the same sensors live.
 std::string map_launch_line(const MapPlan& plan);
 
@@ -40,8 +41,9 @@ std::string map_launch_line(const MapPlan& plan);
 /// each other, and how it is mapped.
 class RecordingCheck {
  public:
-  /// Reads the recording. `dem`: file of an elevation; empty: none. Throws std::runtime_error.
-  RecordingCheck(std::string bag, std::string dem);
+  /// Reads the recording, which may be split into several bags. `dem`: file of an elevation; empty: none. Throws as
+  /// Recording.
+  RecordingCheck(std::vector<std::string> bags, std::string dem);
 
   /// The topics of which a map can be made, and the transforms.
   const std::vector<TopicReport>& topics() const { return topics_; }
@@ -61,12 +63,14 @@ class RecordingCheck {
   void look_at_odometry();
   void compare_clocks();
   void follow_poses();
+  void advise(const ScannerCheck& scanner);
   const TopicCheck& check_of(const std::string& topic) const;
   std::string known_frame(const std::string& topic) const;
   template <class Check>
   std::vector<const Check*> checks_of() const;
 
-  std::string bag_, dem_;
+  std::vector<std::string> bags_;
+  std::string dem_;
   std::vector<std::unique_ptr<TopicCheck>> checks_;
   TransformTree transforms_;
   std::vector<std::string> tf_topics_;  ///< of transforms that are not static

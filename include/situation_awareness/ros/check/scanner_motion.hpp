@@ -10,24 +10,21 @@
 
 #include "situation_awareness/points/points.hpp"
 #include "situation_awareness/pose/key_scan.hpp"
-#include "situation_awareness/pose/pose_offset.hpp"
 #include "situation_awareness/ros/check/report.hpp"
 #include "situation_awareness/scan/scan.hpp"
 
 namespace situation_awareness {
 
-/// What the poses of a scanner say of its motion, and whether its scans fit to them.
+/// What the poses of a scanner say of its motion.
 class ScannerMotion {
  public:
-  void add(const Scan& scan, const Eigen::Isometry3d& T_world_lidar, const Eigen::Isometry3d& T_world_lidar_end);
+  void add(const Scan& scan, const Eigen::Isometry3d& T_world_lidar);
 
   /// Appends to the facts and findings; `period_s`: from scan to scan.
   void report(const std::string& topic, double period_s, std::vector<std::string>& facts,
               std::vector<Finding>& findings) const;
 
  private:
-  PoseOffsetEstimator offset_{0.0};
-  Points points_;
   bool has_times_ = false;  ///< of the beams of the latest scan
   std::optional<std::int64_t> stamp_ns_;
   Eigen::Isometry3d T_world_lidar_;

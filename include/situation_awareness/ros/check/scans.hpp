@@ -6,6 +6,7 @@
 #include <sensor_msgs/LaserScan.h>
 
 #include "situation_awareness/common/counters.hpp"
+#include "situation_awareness/pipeline/scanner_check.hpp"
 #include "situation_awareness/ros/check/topic_check.hpp"
 
 namespace situation_awareness {
@@ -26,6 +27,7 @@ class ScanTopicCheck : public MessageCheck<sensor_msgs::LaserScan> {
   void add_times(TopicReport& report) const;
 
   Counters defects_;
+  ScannerCheck convention_{ScannerParams{}, 0.0};
   sensor_msgs::LaserScan first_;  ///< that can be used
   std::size_t good_ = 0, fewest_beams_ = 0, most_beams_ = 0;
   std::size_t beams_ = 0, hits_ = 0, infinite_ = 0, too_close_ = 0, at_max_ = 0, beyond_max_ = 0, nan_ = 0, zero_ = 0;
