@@ -23,6 +23,7 @@ from sensor_msgs.msg import LaserScan
 from tf2_msgs.msg import TFMessage
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
+import small_bags as bags  # noqa: E402
 from ros_support import (ANGLE_MIN, BEAMS, INCREMENT, Diagnostics, Latest, ranges_to_circles, scan_msg,  # noqa: E402
                          transform_msg, wait_until)
 from situation_awareness.msg import MappedObjectArray  # noqa: E402
@@ -137,10 +138,10 @@ class LiveOfflineTest(unittest.TestCase):
                        for a, b in zip(live, expected) for field in b if a[field] != b[field]]
         self.assertEqual(differences, [], where)
 
-    def lock_step(self, name, bag, static_frame=None, pose_offset_s=0.0):
-        """Play the bag and compare map by map."""
+    def lock_step(self, name, bag, static_frame=None, pose_offset_s=0.0, config=None):
+        """Play the bag and compare map by map. `config`: where scans are stamped at their last beams."""
         arguments = ("--scan-pose-offset", str(pose_offset_s)) + (() if static_frame is None else ("--static-sensor",))
-        expected = offline(bag, self.folder, *arguments)
+        expected = offline(bag, self.folder, *arguments, *(("--config", str(config)) if config else ()))
         offset = genpy.Duration(nsecs=round(1e9 * pose_offset_s))
         live = Live(name)
         if static_frame is not None:
@@ -151,11 +152,15 @@ class LiveOfflineTest(unittest.TestCase):
                 if topic == "/tf":
                     live.tf.publish(msg)
                     transformed = max(transformed, max(transform.header.stamp for transform in msg.transforms))
+                elif topic == "/tf_static":
+                    live.tf_static.publish(msg)
+                    time.sleep(0.2)
                 elif topic == "/scan":
                     live.scans.publish(msg)
                     waiting.append(msg)
                 while waiting and (static_frame is not None or last_beam(waiting[0]) + offset <= transformed):
-                    stamp = waiting.pop(0).header.stamp
+                    scan = waiting.pop(0)
+                    stamp = scan.header.stamp - (last_beam(scan) - scan.header.stamp if config else genpy.Duration())
                     message = live.map_of(stamp)
                     self.assertEqual(message.header.stamp, stamp)
                     self.assert_same(objects_of(message), as_published(expected[stamp]["objects"]),
@@ -243,6 +248,20 @@ class LiveOfflineTest(unittest.TestCase):
             self.assertEqual(float(live.diagnostics.stages[stage]["scan_pose_offset_s"]), offset_s)
             for text in (said, live.diagnostics.stages[stage]["summary"]):
                 self.assertEqual("out of step: set scan_pose_offset_s to 0.1" in text, advice, text)
+
+    def test_turned_round(self):
+        """An array against time, stamped at the last beam: the nodelets propose what objects_bag does, and make the same
+        map of it."""
+        bag = bags.write(self.folder / "turned_round.bag", bags.turning(
+            15.0, bags.ROOM, [(2.0, 1.6, 0.2), (-2.2, 2.4, 0.15), (3.0, -2.0, 0.3)], world="world", order=-1, stamp_part=1.0))
+        for name, config in (("turned_round", None), ("turned_back", TESTS / "ros" / "turned_round.yaml")):
+            live = self.lock_step(name, bag, config=config)
+            stage = f"{name}/segmentation"
+            for advice in ("set scan/beam_order to backward, not forward", "set scan/stamp_at to last, not first"):
+                if config:
+                    self.assertNotIn(advice, live.diagnostics.stages[stage]["summary"])
+                else:
+                    wait_until(lambda: advice in live.diagnostics.stages[stage]["summary"], 5.0, f"{advice} of {stage}")
 
     def test_pipelined(self):
         """Scans in bursts of three: the second and the third come before the map of the first."""

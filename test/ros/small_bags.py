@@ -138,13 +138,13 @@ def sweep(t, corners, posts=(), beams=360, sweep_s=0.095, order=1, stamp_part=0.
     return msg
 
 
-def turning(seconds, corners=(), posts=(), late_s=0.0, **scanner):
+def turning(seconds, corners=(), posts=(), late_s=0.0, world="odom", **scanner):
     """TF of a robot by turning_pose, `late_s` late, and sweeps at 10 Hz."""
     messages = [(0.0, "/tf_static", transform(0, "base_link", "laser", (LIDAR_X_M, 0.0, 0.3)))]
     for k in range(int(50 * seconds) + 10):
         t = k / 50
         x, y, yaw = turning_pose(t - late_s)
-        messages.append((t, "/tf", transform(t, "odom", "base_link", (x, y, 0.0), about_z(yaw))))
+        messages.append((t, "/tf", transform(t, world, "base_link", (x, y, 0.0), about_z(yaw))))
     for k in range(int(10 * seconds) - 1):
         t = 0.05 + k / 10
         messages.append((t + 0.11, "/scan", sweep(t, list(corners), posts, **scanner)))
