@@ -51,7 +51,8 @@ Tools and nodelets read a file alike, by the rules of YAML 1.1 that rosparam has
 1000, `yes`, `on`, `no` and `off` are true and false, `deg(90)` is an angle in rad, `<<` merges maps. `1e-3`, `08` and
 `-.5` are texts there, and are taken for numbers where a number is needed. A key that is given twice, several documents,
 a date without quotes and a whole number beyond 32 bits are refused by name. `rosparam load` without the launch files
-keeps the last of two equal keys, and says nothing.
+keeps the last of two equal keys, and says nothing. Of a section without keys (`scan:`) roslaunch cannot make a
+parameter, and ends with an error: write `scan: {}`.
 
 Parameters marked *live* can be changed while the nodelets run ([ros.md](ros.md#live-parameters)).
 )";

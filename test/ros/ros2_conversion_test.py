@@ -123,7 +123,8 @@ class Ros2ConversionTest(unittest.TestCase):
     def test_says_what_is_wrong(self):
         damaged = self.folder / "damaged.mcap"
         damaged.write_bytes(b"\x89MCAP0\r\n" + bytes(100))
-        for recording in (damaged, self.folder / "none.db3"):
+        other = ros2_recordings.write_database(self.folder / "ros1.db3", bags.room(0.2), serialization="ros1")
+        for recording in (damaged, other, self.folder / "none.db3"):
             _, said = self.convert(recording, code=1)
             self.assertEqual(said.count("\n"), 1, said)
             self.assertIn(f"ros2_to_ros1: {recording}: ", said)

@@ -65,7 +65,7 @@ def qos_of(topic):
     return LATCHED if topic.endswith("tf_static") else ""
 
 
-def write_database(path, messages):
+def write_database(path, messages, serialization="cdr"):
     """`messages` as small_bags.write has them."""
     topics = {}
     database = sqlite3.connect(path)
@@ -76,8 +76,8 @@ def write_database(path, messages):
     for t, topic, msg in small_bags.in_order(messages):
         if topic not in topics:
             topics[topic] = len(topics) + 1
-            database.execute("INSERT INTO topics VALUES (?, ?, ?, 'cdr', ?)",
-                             (topics[topic], topic, type_of(msg), qos_of(topic)))
+            database.execute("INSERT INTO topics VALUES (?, ?, ?, ?, ?)",
+                             (topics[topic], topic, type_of(msg), serialization, qos_of(topic)))
         database.execute("INSERT INTO messages(topic_id, timestamp, data) VALUES (?, ?, ?)",
                          (topics[topic], small_bags.at(t).to_nsec(), Cdr(msg).message()))
     database.commit()
