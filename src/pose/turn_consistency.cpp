@@ -20,15 +20,30 @@ constexpr double kGap_s = 1.0;
 /// Length of a leg (m), and by standard deviations of a fix: its course is known to 0.2 rad. Slower ones have none.
 constexpr double kLeg_m = 2.0, kLegSigmas = 10.0, kSlow_s = 10.0;
 constexpr double kWindow_s = 60.0;
-constexpr std::size_t kMostLegs = 256, kFewestLegs = 15;
-/// What is said is of this time at least, in which the course had this standard deviation, ten times that of a leg.
-constexpr double kLeast_s = 20.0, kLeastTurn_rad = 1.0;
+constexpr std::size_t kMostLegs = 256, kFewestLegs = 8;
+/// What is said is of this time at least, in which the course had this standard deviation, four times that of a leg.
+constexpr double kLeast_s = 8.0, kLeastTurn_rad = 0.5;
 /// Squared correlation from which on one depends on the other.
 constexpr double kDepends = 0.9;
 /// Ratios beyond these are a contradiction. Not less than a half: a vehicle that keeps its heading while it circles has
 /// the drift of the gyroscope in proportion to its course. In a banked turn the rate about the base's z is less than
 /// that about the vertical.
 constexpr double kMost = 2.0, kLeast = -0.5;
+
+/// What drivers do that makes the rates turn otherwise than the course.
+struct Cause {
+  double ratio;
+  const char* text;
+};
+constexpr std::array<Cause, 3> kCauses = {{{degrees(1.0), "as rates in deg/s do: rad/s are expected"},
+                                           {-1.0,
+                                            "as rates about an axis that points down do (x ahead, y to the "
+                                            "right, z down: NED): positive to the left is expected"},
+                                           {degrees(-1.0),
+                                            "as rates in deg/s about an axis that points down do (NED): "
+                                            "rad/s are expected, positive to the left"}}};
+/// A ratio is that of a cause within this share of it, or so many standard errors.
+constexpr double kSameRatio = 0.1, kSameSigmas = 3.0;
 
 }  // namespace
 
@@ -100,7 +115,7 @@ void TurnConsistency::add_fix(std::int64_t stamp_ns, const Eigen::Vector2d& p_wo
   anchor_ = here;
 }
 
-std::optional<double> TurnConsistency::ratio() const {
+std::optional<TurnConsistency::Fit> TurnConsistency::fit() const {
   if (legs_.size() < kFewestLegs || seconds_between(legs_.front().stamp_ns, legs_.back().stamp_ns) < kLeast_s) {
     return std::nullopt;
   }
@@ -116,17 +131,28 @@ std::optional<double> TurnConsistency::ratio() const {
   if (of_course < kLeastTurn_rad * kLeastTurn_rad || of_both * of_both < kDepends * of_course * of_rates) {
     return std::nullopt;
   }
-  return of_both / of_course;
+  const double residual = std::max(of_rates - of_both * of_both / of_course, 0.0);
+  return Fit{of_both / of_course, std::sqrt(residual / of_course / (count - 2.0))};
+}
+
+std::optional<double> TurnConsistency::ratio() const {
+  const std::optional<Fit> turns = fit();
+  return turns ? std::optional<double>(turns->ratio) : std::nullopt;
 }
 
 std::string TurnConsistency::contradiction() const {
-  const std::optional<double> turns = ratio();
-  if (!turns || (*turns<kMost&& * turns> kLeast)) return "";
-  std::array<char, 192> text{};
+  const std::optional<Fit> turns = fit();
+  if (!turns || (turns->ratio < kMost && turns->ratio > kLeast)) return "";
+  const char* cause = "rad/s, positive to the left?";
+  for (const Cause& known : kCauses) {
+    const double off = std::abs(turns->ratio - known.ratio);
+    if (off < std::max(kSameRatio * std::abs(known.ratio), kSameSigmas * turns->sigma)) cause = known.text;
+  }
+  std::array<char, 320> text{};
   std::snprintf(text.data(), text.size(),
                 "the rates of the IMU and the fixes contradict each other: the rates turn %.3g times as far as the "
-                "course by the fixes (rad/s, positive to the left?)",
-                *turns);
+                "course by the fixes (%s)",
+                turns->ratio, cause);
   return text.data();
 }
 

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <functional>
 #include <random>
+#include <string>
+#include <utility>
 
 #include <gtest/gtest.h>
 
@@ -71,6 +73,22 @@ TEST(TurnConsistency, MeasuresTheRatioOfTurns) {
   }
 }
 
+TEST(TurnConsistency, NamesTheCauseWithinTenSecondsOfATurn) {
+  const std::pair<double, const char*> kinds[] = {{degrees(1.0), "rates in deg/s do: rad/s"},
+                                                  {-1.0, "points down"},
+                                                  {-degrees(1.0), "deg/s about an axis that points down"},
+                                                  {1000.0, "rad/s, positive to the left?"}};
+  for (const auto& [times, cause] : kinds) {
+    for (unsigned seed = 1; seed <= 5; ++seed) {
+      Motion motion = circle(times);  // straight at first, for 15 s
+      motion.course_rad = [](double t) { return 0.25 * std::max(t - 15.0, 0.0); };
+      motion.rate_rad_s = [k = times](double t) { return t > 15.0 ? k * 0.25 : 0.0; };
+      motion.seconds = 25.0;
+      EXPECT_NE(after(motion, seed).contradiction().find(cause), std::string::npos) << times;
+    }
+  }
+}
+
 TEST(TurnConsistency, ExchangedCoordinatesTurnTheOtherWay) {
   Motion motion = circle(1.0);
   motion.exchanged = true;
@@ -99,7 +117,7 @@ TEST(TurnConsistency, SaysNothingOfVehiclesThatHeadElsewhere) {
 
 TEST(TurnConsistency, NeedsTimeAndForgetsIt) {
   Motion brief = circle(degrees(1.0));
-  brief.seconds = 15.0;
+  brief.seconds = 7.5;
   EXPECT_EQ(after(brief).contradiction(), "");
   Motion mended = circle(1.0);  // after the first half
   mended.seconds = 150.0;

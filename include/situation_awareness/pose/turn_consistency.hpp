@@ -30,7 +30,7 @@ class TurnConsistency {
   /// depend on them linearly.
   std::optional<double> ratio() const;
 
-  /// One sentence if they contradict each other, else empty.
+  /// One sentence if they contradict each other, with what makes such a ratio, else empty.
   std::string contradiction() const;
 
  private:
@@ -50,6 +50,12 @@ class TurnConsistency {
     double turned_rad;      ///< by the rates, at its middle
   };
 
+  /// How many times as far the rates turn, and its standard error.
+  struct Fit {
+    double ratio, sigma;
+  };
+
+  std::optional<Fit> fit() const;
   std::optional<double> turned_at(std::int64_t stamp_ns) const;
   void clear();
 
