@@ -38,6 +38,10 @@ constexpr double kLevelSigma_rad = 0.03;
 constexpr double kTurningSigma_rad = 0.3;
 constexpr double kInitialSpeed_m_s = 10.0;
 constexpr double kInitialClimb_m_s = 2.0;
+/// Forces are those of another unit, or without gravity, within what these many standard deviations of the biases and
+/// a steady acceleration explain.
+constexpr double kForceSigmas = 3.0;
+constexpr double kSteadyAcceleration_m_s2 = 0.3;
 /// The first fix and the one before agree within what so many standard deviations of both and of the speed explain.
 constexpr double kSameFixSigmas = 3.0;
 
@@ -46,7 +50,19 @@ const char* const kNoFix = "no usable fix yet";
 const char* const kLoneFix = "one fix alone, or far from the one before: may be an outlier";
 const char* const kNotGravity =
     "the force that the IMU measures is not that of gravity: m/s^2, and +9.8 upwards at rest";
+const char* const kInG =
+    "the force that the IMU measures is not that of gravity: it is 1 at rest, as in g: m/s^2 are expected, and +9.8 "
+    "upwards at rest";
+const char* const kInMilliG =
+    "the force that the IMU measures is not that of gravity: it is about 1000 at rest, as in 0.001 g or cm/s^2: m/s^2 "
+    "are expected, and +9.8 upwards at rest";
+const char* const kWithoutGravity =
+    "the force that the IMU measures is not that of gravity: it is 0 at rest, as where gravity was taken off: m/s^2 "
+    "are expected, and +9.8 upwards at rest";
 const char* const kAskew = "gravity is not along the base's z: is the IMU mounted as T_base_imu says";
+const char* const kUpsideDown =
+    "gravity is not along the base's z: the force at rest is -9.8 m/s^2 on z, as in axes x ahead, y to the right, z "
+    "down (NED), or of an IMU upside down: +9.8 upwards at rest is expected in the axes that T_base_imu turns";
 const char* const kTurning = "turning or accelerating: roll and pitch are not known from gravity";
 
 /// Two fixes of one vehicle, as far as can be told without knowing its velocity.
@@ -54,6 +70,19 @@ bool agree(const GpsInsMeasurement& a, const GpsInsMeasurement& b) {
   const double way_m = kInitialSpeed_m_s * seconds_between(a.stamp_ns, b.stamp_ns);
   const double variance_m2 = a.covariance.diagonal().maxCoeff() + b.covariance.diagonal().maxCoeff() + way_m * way_m;
   return (b.value - a.value).squaredNorm() <= kSameFixSigmas * kSameFixSigmas * variance_m2;
+}
+
+/// Why a mean force is not that of gravity. `sigma_m_s2`: of its error, each axis.
+const char* why_not_gravity(const Eigen::Vector3d& force, double sigma_m_s2) {
+  const double most_m_s2 = kForceSigmas * sigma_m_s2;
+  if (force.norm() < most_m_s2 && std::abs(force.norm() - 1.0) > most_m_s2 / kStandardGravity_m_s2) {
+    return kWithoutGravity;
+  }
+  for (const auto& [unit_m_s2, why] : {std::pair(kStandardGravity_m_s2, kInG), {0.01, kInMilliG}}) {
+    const bool is_along_z = std::abs(force.z()) > std::cos(kMaxTilt_rad) * force.norm();
+    if (is_along_z && std::abs(unit_m_s2 * force.norm() - kStandardGravity_m_s2) < most_m_s2) return why;
+  }
+  return force.norm() < most_m_s2 ? kWithoutGravity : kNotGravity;
 }
 
 }  // namespace
@@ -117,7 +146,15 @@ std::optional<GpsIns::Level> GpsIns::level_at(GpsInsMeasurement& fix) {
                                  : Eigen::Vector3d(recent / static_cast<double>(tail));
   if (biases_) up -= biases_->accelerometer_m_s2;
   if (up.norm() < 0.8 * kStandardGravity_m_s2 || up.norm() > 1.5 * kStandardGravity_m_s2) {
-    reason_ = kNotGravity;
+    const char* const why =
+        why_not_gravity(up, std::hypot(params_.imu.accelerometer_bias_sigma_m_s2, kSteadyAcceleration_m_s2));
+    // What was seen at rest stays the reason where it moves.
+    const bool is_named = reason_ == kInG || reason_ == kInMilliG || reason_ == kWithoutGravity;
+    if (why != kNotGravity || !is_named) reason_ = why;
+    return std::nullopt;
+  }
+  if (up.z() < -std::cos(kMaxTilt_rad) * up.norm()) {
+    reason_ = kUpsideDown;
     return std::nullopt;
   }
   if (std::acos(std::clamp(up.z() / up.norm(), -1.0, 1.0)) > kMaxTilt_rad) {
