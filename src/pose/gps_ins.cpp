@@ -52,6 +52,9 @@ constexpr double kSameBiases_s = 10.0;
 /// of freedom, which happens once in a million times by chance.
 constexpr double kContradiction = 30.7;
 
+/// s. Time for which that is said.
+constexpr double kContradictedFor_s = 30.0;
+
 /// Filters of less weight than this are not mixed in, and none is thought less likely than exp(-kLeastLog) times the
 /// best, so that each can come back within some seconds.
 constexpr double kLeastWeight = 1e-3;
@@ -183,7 +186,9 @@ void GpsIns::add_fix(const GeodeticFix& fix) {
   }
   if (!is_usable(fix.covariance_m2)) return;
   if (!origin_) origin_ = fix.position;
-  add_position(fix.stamp_ns, local_position(*origin_, fix.position), fix.covariance_m2);
+  const Eigen::Vector3d antenna_m = local_position(*origin_, fix.position);
+  add_position(fix.stamp_ns, antenna_m, fix.covariance_m2, !fix.has_altitude);
+  if (!fix.has_altitude) add_altitude(fix.stamp_ns, antenna_m.z(), std::sqrt(fix.covariance_m2(2, 2)));
 }
 
 bool GpsIns::is_usable(const Eigen::Matrix3d& covariance_m2) {
@@ -203,6 +208,11 @@ bool GpsIns::is_usable(const Eigen::Matrix3d& covariance_m2) {
 
 void GpsIns::add_position(std::int64_t stamp_ns, const Eigen::Vector3d& antenna_world_m,
                           const Eigen::Matrix3d& covariance_m2) {
+  add_position(stamp_ns, antenna_world_m, covariance_m2, false);
+}
+
+void GpsIns::add_position(std::int64_t stamp_ns, const Eigen::Vector3d& antenna_world_m,
+                          const Eigen::Matrix3d& covariance_m2, bool is_level) {
   if (!antenna_world_m.allFinite()) {
     ++counters_["fix not finite"];
     return;
@@ -215,6 +225,7 @@ void GpsIns::add_position(std::int64_t stamp_ns, const Eigen::Vector3d& antenna_
   GpsInsMeasurement measurement;
   measurement.stamp_ns = stamp_ns;
   measurement.value = antenna_world_m;
+  measurement.is_level = is_level;
   measurement.covariance = 0.5 * (covariance_m2 + covariance_m2.transpose());
   if (params_.sideslip_sigma_m_s > 0.0) {
     GpsInsMeasurement sideslip;
@@ -334,6 +345,9 @@ void GpsIns::process() {
     return;
   }
   const bool is_corrected = count_verdicts();
+  const int contradictions = filters_[best()].contradictions();
+  if (contradictions > contradictions_) contradicted_ns_ = stamp_ns;
+  contradictions_ = contradictions;
   if (is_corrected && phase_ == Phase::kReady) widen_by_misfit();
   if (phase_ == Phase::kAligning) {
     align();
@@ -346,7 +360,15 @@ void GpsIns::widen_by_misfit() {
   const double misfit = filters_[best()].contradiction();
   if (misfit < kContradiction) return;
   ++counters_["widened: fixes contradict the estimate"];
+  contradicted_ns_ = filters_[0].stamp_ns();
   for (std::size_t i = 0; i < used_; ++i) filters_[i].widen_by(misfit / 3.0);
+}
+
+std::string GpsIns::contradiction() const {
+  const std::int64_t now_ns = stamp_ns();
+  if (contradicted_ns_ == StampOrder::kNone || now_ns == StampOrder::kNone) return "";
+  if (std::abs(seconds_between(contradicted_ns_, now_ns)) > kContradictedFor_s) return "";
+  return kContradicted;
 }
 
 void GpsIns::watch_yaw() {
@@ -418,6 +440,7 @@ bool GpsIns::count_verdicts() {
       ++counters_[kReasons[static_cast<std::size_t>(measurement.sensor)]];
       continue;
     }
+    if (verdict.is_height_refused) ++counters_["fix outside its gate in height: used in x and y"];
     // The monitor of other sensors is per degree of freedom.
     const bool is_other = measurement.sensor == GpsInsSensor::kOther;
     nis(measurement.sensor).add(is_other ? static_cast<std::uint64_t>(verdict.degrees_of_freedom) : 1, verdict.nis);

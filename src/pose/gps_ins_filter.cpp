@@ -24,6 +24,7 @@ constexpr double kRecoverAfter_s = 10.0;
 
 using namespace navigation_error;
 constexpr int kFixError = Manifold<GpsInsState>::kFixError;
+using Scalar = Eigen::Matrix<double, 1, 1>;
 
 /// What the force is on average, and for how long it differs from that in one way: an error of the scale goes into the
 /// bias with the first, and lets the bias wander within the second.
@@ -46,10 +47,10 @@ constexpr double kDoubtAttitude_rad = 0.2;
 /// What stands: means of blocks of the force that differ by less, as a start by 0.25 m/s would make them, and a rate
 /// that a bias can be.
 constexpr double kStandingForceChange_m_s2 = 0.03, kMostBias_rad_s = 0.05;
+/// Least jump of the height of fixes that is taken for another zero of heights, and not for an outlier or an error (m).
+constexpr double kHeightJump_m = 10.0;
 /// Innovations of fixes are averaged over so long (s).
 constexpr double kContradiction_s = 5.0;
-/// In standard deviations of what noise and walk make of the difference of two means.
-constexpr double kStandingSigmas = 3.0;
 /// What goes straight on does not turn, either: the velocity tells it from what flies a wide circle. One that is known
 /// worse does not.
 constexpr double kKnownVelocity_m_s = 0.5, kStandingVelocity_m_s = 1.0;
@@ -94,14 +95,6 @@ void update_sparsely(Estimate<GpsInsState>& estimate, const Innovation<Size>& in
 Eigen::Vector3d mix(const Eigen::Vector3d& a, const Eigen::Vector3d& b, double part) { return a + part * (b - a); }
 
 }  // namespace
-
-double standing_change(double standing_turn_rad_s, const InertialNoiseParams& noise) {
-  // The difference of the means of neighbouring blocks has twice the variance of a mean by white noise, and 2/3 of that
-  // of a block's duration by a walk.
-  const double variance = 2.0 * noise.gyroscope_noise * noise.gyroscope_noise / InertialHistory::kBlock_s +
-                          2.0 / 3.0 * noise.gyroscope_bias_walk * noise.gyroscope_bias_walk * InertialHistory::kBlock_s;
-  return std::max(standing_turn_rad_s, kStandingSigmas * std::sqrt(variance));
-}
 
 InertialHistory::InertialHistory(double duration_s, double most_hz, double standing_change_rad_s)
     : duration_s_(duration_s),
@@ -207,36 +200,6 @@ std::uint64_t InertialHistory::last_until(std::int64_t stamp_ns) const {
   return low;
 }
 
-void fix_innovation(const GpsInsState& x, const GpsInsMeasurement& fix, const GpsInsModel& model, const FixNoise& noise,
-                    Eigen::Vector3d& nu, Eigen::Matrix<double, 3, 18>& H, Eigen::Matrix3d& R) {
-  // The slow error is along the axes of the world; where those of the covariance are not, the rest stays white.
-  const Eigen::Vector3d sigma = fix.covariance.diagonal().cwiseSqrt();
-  const Eigen::Vector3d scale = std::sqrt(noise.correlated_share) * sigma;
-  const Eigen::Matrix3d R_world_base = x.motion.q_world_imu.toRotationMatrix();
-  nu = fix.value - x.motion.position_world_m - R_world_base * model.antenna_imu_m - scale.cwiseProduct(x.fix_error);
-  H.setZero();
-  H.block<3, 3>(0, kPosition).setIdentity();
-  H.block<3, 3>(0, kAttitude) = -R_world_base * hat(model.antenna_imu_m);
-  H.block<3, 3>(0, kFixError) = scale.asDiagonal();
-  const Eigen::Vector3d shift_m = model.fix_stamp_sigma_s * x.motion.velocity_world_m_s;
-  R = (1.0 - noise.correlated_share) * fix.covariance + shift_m * shift_m.transpose();
-  R.diagonal().array() += model.min_fix_sigma_m * model.min_fix_sigma_m;
-}
-
-double sideslip(const NavigationState& x, const Eigen::Vector3d& rate_rad_s, const Eigen::Vector3d& lever_m) {
-  return x.velocity_world_m_s.dot(x.q_world_imu * Eigen::Vector3d::UnitY()) -
-         (rate_rad_s - x.gyroscope_bias_rad_s).cross(lever_m).y();
-}
-
-Eigen::Matrix<double, 1, 18> sideslip_jacobian(const NavigationState& x, const Eigen::Vector3d& lever_m) {
-  const Eigen::Matrix3d R = x.q_world_imu.toRotationMatrix();
-  Eigen::Matrix<double, 1, 18> H = Eigen::Matrix<double, 1, 18>::Zero();
-  H.segment<3>(kVelocity) = R.col(1).transpose();
-  H.segment<3>(kAttitude) = hat(R.transpose() * x.velocity_world_m_s).row(1);
-  H.segment<3>(kGyroscopeBias) = -hat(lever_m).row(1);
-  return H;
-}
-
 GpsInsFilter::GpsInsFilter(const GpsInsModel& model, const FixNoise& fix_noise, std::size_t moments)
     : model_(model), fix_noise_(fix_noise), moments_(moments) {
   gates_.push_back(0.0);
@@ -299,9 +262,8 @@ void GpsInsFilter::widen(double velocity_sigma_m_s, double attitude_sigma_rad) {
 
 void GpsInsFilter::widen_by(double factor) {
   predict_covariance(now_);
-  constexpr int kMotion = kFixError;
-  now_.estimate.P.topRows<kMotion>() *= std::sqrt(factor);
-  now_.estimate.P.leftCols<kMotion>() *= std::sqrt(factor);
+  now_.estimate.P.topRows<kFixError>() *= std::sqrt(factor);
+  now_.estimate.P.leftCols<kFixError>() *= std::sqrt(factor);
   now_.innovation_sum.setZero();
   now_.innovation_variance = 0.0;
   forget_moments();
@@ -395,7 +357,6 @@ void GpsInsFilter::watch_standing(Moment& moment, const InertialHistory::Entry& 
   moment.stands = variance < kKnownBias_rad_s * kKnownBias_rad_s &&
                   vertical_variance(x.q_world_imu, moment.estimate.P) < kKnownYaw_rad * kKnownYaw_rad;
   if (!moment.stands) return;
-  using Scalar = Eigen::Matrix<double, 1, 1>;
   const Scalar nu(up_body.dot(block.mean_rate_rad_s - x.gyroscope_bias_rad_s));
   // A turn that is more than what is known of the bias is one; a bias that wandered off is known worse after a while.
   moment.stands = nu.value() * nu.value() < kStandingSigmas * kStandingSigmas * (variance + least);
@@ -441,10 +402,32 @@ void GpsInsFilter::doubt(Moment& moment, const Eigen::Vector3d& nu) const {
   } else {
     P.diagonal().segment<3>(kVelocity).array() += kDoubtVelocity_m_s * kDoubtVelocity_m_s;
     P.diagonal().segment<3>(kAttitude).array() += kDoubtAttitude_rad * kDoubtAttitude_rad;
+    ++moment.contradictions;
   }
   moment.rejected = 0;
   moment.outage_s = 0.0;
   ++moment.recoveries;
+}
+
+bool GpsInsFilter::is_off_in_height(Moment& moment, const Eigen::Vector3d& nu, const Eigen::Matrix3d& S,
+                                    double variance_m2) const {
+  const Innovation<2> level = innovation(Eigen::Vector2d(nu.head<2>()), Eigen::Matrix2d(S.topLeftCorner<2, 2>()));
+  if (std::abs(nu.z()) < kHeightJump_m || inside_gate(innovation(nu, S), gates_[3]) || !inside_gate(level, gates_[2])) {
+    moment.heights_refused = 0;
+    return false;
+  }
+  const double apart_m = nu.z() - moment.height_refused_m;
+  moment.heights_refused = apart_m * apart_m <= 2.0 * gates_[1] * variance_m2 ? moment.heights_refused + 1 : 1;
+  moment.height_refused_m = nu.z();
+  if (moment.heights_refused <= kMinRefusedFixes) return true;
+  // Another zero of heights: the jump tells nothing of the motion.
+  ErrorMatrix<GpsInsState>& P = moment.estimate.P;
+  const double variance = P(kPosition + 2, kPosition + 2) + nu.z() * nu.z();
+  P.row(kPosition + 2).setZero();
+  P.col(kPosition + 2).setZero();
+  P(kPosition + 2, kPosition + 2) = variance;
+  moment.heights_refused = 0;
+  return false;
 }
 
 template <int Size>
@@ -490,14 +473,23 @@ GpsInsVerdict GpsInsFilter::correct(Moment& moment, const Eigen::Matrix<double, 
 
 GpsInsVerdict GpsInsFilter::apply(Moment& moment, const GpsInsMeasurement& measurement) const {
   const GpsInsState& x = moment.estimate.x;
-  using Scalar = Eigen::Matrix<double, 1, 1>;
   switch (measurement.sensor) {
     case GpsInsSensor::kFix: {
       Eigen::Vector3d nu;
       Eigen::Matrix<double, 3, 18> H;
       Eigen::Matrix3d R;
       fix_innovation(x, measurement, model_, fix_noise_, nu, H, R);
-      return correct<3>(moment, nu, H, R, 3);
+      const Eigen::Matrix3d S = transformed(H, moment.estimate.P) + R;
+      const bool is_off = !measurement.is_level && is_off_in_height(moment, nu, S, measurement.covariance(2, 2));
+      if (!is_off && !measurement.is_level) return correct<3>(moment, nu, H, R, 3);
+      // The height says nothing of the state, nor of which filter is the likeliest.
+      nu.z() = 0.0;
+      H.row(2).setZero();
+      R.row(2) = R.col(2).transpose() = Eigen::RowVector3d(0.0, 0.0, measurement.covariance(2, 2));
+      GpsInsVerdict verdict = correct<3>(moment, nu, H, R, 3);
+      verdict.is_height_refused = is_off && verdict.is_accepted;
+      verdict.nis *= 1.5;  // of two degrees of freedom
+      return verdict;
     }
     case GpsInsSensor::kAltitude: {
       Eigen::Matrix<double, 1, 18> H = Eigen::Matrix<double, 1, 18>::Zero();

@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include <Eigen/Core>
@@ -65,6 +66,7 @@ struct GeodeticFix {
   bool is_fix = true;  ///< false: the receiver has none
   GeodeticPosition position;
   Eigen::Matrix3d covariance_m2 = Eigen::Matrix3d::Zero();  ///< east, north, up
+  bool has_altitude = true;  ///< false: that of the position is a guess, of the variance that the covariance has
 };
 
 /// Pose, velocity and what is known of them.
@@ -101,8 +103,9 @@ class GpsIns {
   void add_imu(const InertialSample& sample, std::int64_t received_ns = StampOrder::kNone);
 
   /// A fix. Counts what is dropped: "no fix", "fix not finite", "fix out of range", "fix without covariance", "fix
-  /// covariance not positive semidefinite", "fix too late", "fix ahead of the imu"; and "fix outside its gate". A
-  /// filter whose estimate is not finite all the same begins anew: "restarted: estimate not finite".
+  /// covariance not positive semidefinite", "fix too late", "fix ahead of the imu"; "fix outside its gate", and "fix
+  /// outside its gate in height: used in x and y", of which the height is believed if several agree. A filter
+  /// whose estimate is not finite all the same begins anew: "restarted: estimate not finite".
   void add_fix(const GeodeticFix& fix);
   /// The same in the world, for receivers that measure in a frame of their own.
   void add_position(std::int64_t stamp_ns, const Eigen::Vector3d& antenna_world_m,
@@ -125,6 +128,14 @@ class GpsIns {
   /// The pose of the base in terms of the state: position and attitude, and the Jacobian of their error by that of x.
   Eigen::Isometry3d pose_of(const GpsInsState& x) const;
   Eigen::Matrix<double, 6, 18> pose_jacobian(const GpsInsState& x) const;
+
+  /// What contradiction() says.
+  static constexpr const char* kContradicted =
+      "the IMU and the fixes contradict each other: for seconds the fixes were not where the IMU says (its units and "
+      "axes, the places of IMU and antenna on the base, the stamps of both?)";
+  /// One sentence if fixes were elsewhere than the IMU says for so long, within the last half minute, that neither was
+  /// believed any more; else empty.
+  std::string contradiction() const;
 
   bool is_ready() const { return phase_ == Phase::kReady && is_yaw_known_; }
   const char* reason() const { return reason_; }
@@ -160,6 +171,8 @@ class GpsIns {
     bool is_steady;
   };
 
+  void add_position(std::int64_t stamp_ns, const Eigen::Vector3d& antenna_world_m, const Eigen::Matrix3d& covariance_m2,
+                    bool is_level);
   void add(const GpsInsMeasurement& measurement, const char* too_late, const char* ahead);
   void add_number(GpsInsSensor sensor, std::int64_t stamp_ns, double value, double sigma, const Number& number);
   /// Those of the estimate where it is ready, else those that it will start with.
@@ -197,7 +210,9 @@ class GpsIns {
   Phase phase_ = Phase::kLevelling;
   std::int64_t waiting_since_ns_ = StampOrder::kNone;
   std::int64_t yaw_watched_ns_ = 0;
-  std::int64_t learning_since_ns_ = 0;  ///< how the error of fixes is correlated
+  std::int64_t learning_since_ns_ = 0;                ///< how the error of fixes is correlated
+  int contradictions_ = 0;                            ///< of the likeliest filter
+  std::int64_t contradicted_ns_ = StampOrder::kNone;  ///< when fixes last contradicted the estimate
   bool is_yaw_known_ = false;
   std::optional<Biases> biases_;  ///< of before a gap, in which they stay what they are
   const char* reason_ = "";

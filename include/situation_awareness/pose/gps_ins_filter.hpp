@@ -91,6 +91,8 @@ class InertialHistory {
   Standing standing_;
 };
 
+/// In standard deviations of what noise and walk make of the difference of two means.
+constexpr double kStandingSigmas = 3.0;
 /// The least that the means of two blocks of the rate of something that stands may differ by (rad/s): what turns
 /// slowest, or what noise and the walk of the bias make of it.
 double standing_change(double standing_turn_rad_s, const InertialNoiseParams& noise);
@@ -119,6 +121,7 @@ struct GpsInsMeasurement {
   std::int64_t stamp_ns = 0;
   Eigen::Vector3d value = Eigen::Vector3d::Zero();       ///< a position (m); an altitude (m) or a yaw (rad) first
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  ///< of the value; a variance first
+  bool is_level = false;                                 ///< of a fix: its height was not measured
   GpsInsCorrection correction;                           ///< of GpsInsSensor::kOther
   bool is_counted = false;                               ///< by the monitors, which count once
 };
@@ -127,7 +130,8 @@ struct GpsInsMeasurement {
 struct GpsInsVerdict {
   bool is_accepted = false;
   int degrees_of_freedom = 0;
-  double nis = 0.0;  ///< normalised innovation squared; NaN where the covariance was none
+  double nis = 0.0;                ///< normalised innovation squared; NaN where the covariance was none
+  bool is_height_refused = false;  ///< of a fix that was accepted: in x and y alone
 };
 
 /// Settings that all filters of a bank share.
@@ -192,8 +196,10 @@ class GpsInsFilter {
 
   double log_likelihood() const { return now_.log_likelihood; }
   void set_log_likelihood(double log_likelihood);
-  /// How often all fixes contradicted it for so long that it was doubted instead.
+  /// How often all fixes contradicted it for so long that it was doubted instead, with those after an outage that agree
+  /// with each other, and without them.
   int recoveries() const { return now_.recoveries; }
+  int contradictions() const { return now_.contradictions; }
   /// When last something showed the yaw: an acceleration or a speed ahead that is more than noise, or a heading.
   std::int64_t yaw_shown_ns() const { return now_.yaw_shown_ns; }
   /// About the vertical, at most a moment's period ago.
@@ -224,7 +230,9 @@ class GpsInsFilter {
     std::int64_t last_fix_ns = 0;
     double outage_s = 0.0;                                 ///< before those that are rejected
     Eigen::Vector3d rejected_m = Eigen::Vector3d::Zero();  ///< the innovation of the last one
-    int recoveries = 0;
+    int recoveries = 0, contradictions = 0;
+    int heights_refused = 0;                                   ///< fixes in a row that agree with each other
+    double height_refused_m = 0.0;                             ///< the innovation of the last one
     Eigen::Vector3d innovation_sum = Eigen::Vector3d::Zero();  ///< of the fixes, whitened, with exponential weights
     double innovation_variance = 0.0;                          ///< of each of its components
     bool is_sound = true;
@@ -240,6 +248,9 @@ class GpsInsFilter {
   /// Whether the rejected fix says that the filter is wrong, not the fix.
   bool is_doubted(Moment& moment, const Eigen::Vector3d& nu, const Eigen::Matrix3d& R) const;
   void doubt(Moment& moment, const Eigen::Vector3d& nu) const;
+  /// Whether the height alone puts a fix outside its gate, with the variance that the receiver tells of it. If several
+  /// in a row agree with each other they are believed.
+  bool is_off_in_height(Moment& moment, const Eigen::Vector3d& nu, const Eigen::Matrix3d& S, double variance_m2) const;
   GpsInsVerdict apply(Moment& moment, const GpsInsMeasurement& measurement) const;
   template <int Size>
   GpsInsVerdict correct(Moment& moment, const Eigen::Matrix<double, Size, 1>& nu,
