@@ -20,6 +20,8 @@ constexpr double kBunched = 0.35;
 constexpr std::uint64_t kAgain = 128;
 /// A line is one where the bunches are off it by less than so many periods, root mean square.
 constexpr double kOffLine = 2.0;
+/// s. Equal stamps may differ by the rounding of seconds in double precision.
+constexpr double kRounding_s = 1e-6;
 /// s. Receipts and stamps are of one clock where they differ by less; a stamp after its receipt by more is impossible.
 constexpr double kSameClock_s = 5.0, kAfterReceipt_s = 0.002;
 
@@ -66,7 +68,7 @@ void EvenStamps::look() {
   std::size_t within = 0, bunches = 0;
   for (std::size_t i = 1; i < latest_.size(); ++i) {
     const double gap_s = seconds_between(latest_[i - 1].stamp_ns, latest_[i].stamp_ns);
-    if (gap_s < 0.0) return;
+    if (gap_s < -kRounding_s) return;
     if (gap_s < kWithinBunch * mean_s) ++within;
     if (gap_s > kBetweenBunches * mean_s) ++bunches;
   }

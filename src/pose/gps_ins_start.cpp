@@ -85,6 +85,9 @@ const char* why_not_gravity(const Eigen::Vector3d& force, double sigma_m_s2) {
   return force.norm() < most_m_s2 ? kWithoutGravity : kNotGravity;
 }
 
+/// Whether it is a reason that was seen at rest, and stays where the vehicle moves.
+bool names_unit(const char* reason) { return reason == kInG || reason == kInMilliG || reason == kWithoutGravity; }
+
 }  // namespace
 
 /// The latest fix up to now, if it was not looked at before and agrees with the one before; else null.
@@ -138,7 +141,7 @@ std::optional<GpsIns::Level> GpsIns::level_at(GpsInsMeasurement& fix) {
   if (!is_steady) {
     if (waiting_since_ns_ == StampOrder::kNone) waiting_since_ns_ = fix.stamp_ns;
     if (seconds_between(waiting_since_ns_, fix.stamp_ns) < kLevelWait_s) {
-      reason_ = kTurning;
+      if (!names_unit(reason_)) reason_ = kTurning;
       return std::nullopt;
     }
   }
@@ -148,9 +151,7 @@ std::optional<GpsIns::Level> GpsIns::level_at(GpsInsMeasurement& fix) {
   if (up.norm() < 0.8 * kStandardGravity_m_s2 || up.norm() > 1.5 * kStandardGravity_m_s2) {
     const char* const why =
         why_not_gravity(up, std::hypot(params_.imu.accelerometer_bias_sigma_m_s2, kSteadyAcceleration_m_s2));
-    // What was seen at rest stays the reason where it moves.
-    const bool is_named = reason_ == kInG || reason_ == kInMilliG || reason_ == kWithoutGravity;
-    if (why != kNotGravity || !is_named) reason_ = why;
+    if (why != kNotGravity || !names_unit(reason_)) reason_ = why;
     return std::nullopt;
   }
   if (up.z() < -std::cos(kMaxTilt_rad) * up.norm()) {

@@ -18,6 +18,8 @@ namespace {
 
 /// Of the standard deviation of up to that of east and of north: satellites are never below the antenna.
 constexpr double kVerticalRatio = 2.0;
+/// m. Standard deviation of the altitude of a fix that has none: receivers hold the one before, and roads climb.
+constexpr double kNoAltitudeSigma_m = 50.0;
 /// Beyond what sensors of vehicles measure (200 g, 4000 deg/s) by far.
 constexpr double kMaxForce_m_s2 = 1e4;
 constexpr double kMaxRate_rad_s = 1e3;
@@ -80,18 +82,41 @@ std::string GpsInsInput::why_not_ready() const {
   }
   std::string why = filter_->reason();
   if (why.empty()) return why;
+  if (!refusal_.empty()) why += ", the latest sample was dropped: " + refusal_;
   for (const Counters* const counters : {&counters_, &filter_->counters()}) {
     for (const auto& [reason, count] : *counters) {
       const bool is_of_fix = reason.rfind("fix", 0) == 0 || reason.rfind("no fix", 0) == 0;
-      if (is_of_fix) why += ", " + std::to_string(count) + " dropped: " + reason;
+      const bool is_used = reason.find(" used") != std::string::npos;
+      if (is_of_fix && !is_used) why += ", " + std::to_string(count) + " dropped: " + reason;
     }
   }
   return why;
 }
 
+std::string GpsInsInput::contradiction() const {
+  for (const std::string& text : {consistency_.contradiction(params_.gps_ins.max_delay_s), turns_.contradiction(),
+                                  filter_ ? filter_->contradiction() : std::string()}) {
+    if (!text.empty()) return text;
+  }
+  if (!even_stamps_.is_bunched() || even_stamps_.is_spread()) return "";
+  return "the samples of the IMU have the same stamp many at a time, and come at no steady rate: each must have its "
+         "own";
+}
+
+std::int64_t GpsInsInput::even_stamp_ns(const InertialSample& sample, std::int64_t received_ns) {
+  const bool is_repeated = sample_ && sample.stamp_ns == sample_->stamp_ns &&
+                           sample.specific_force_m_s2 == sample_->specific_force_m_s2 &&
+                           sample.angular_velocity_rad_s == sample_->angular_velocity_rad_s;
+  if (is_repeated) return sample.stamp_ns;
+  sample_ = sample;
+  const std::int64_t stamp_ns = even_stamps_.add(sample.stamp_ns, received_ns);
+  if (even_stamps_.is_spread()) ++counters_["imu stamped in bunches: spread"];
+  return stamp_ns;
+}
+
 std::string GpsInsInput::take_imu(const sensor_msgs::Imu& msg, std::int64_t received_ns) {
   waits_for_sensors_ = false;
-  const InertialSample sample = inertial_sample_from_msg(msg);
+  InertialSample sample = inertial_sample_from_msg(msg);
   if (sample.stamp_ns == 0) return "bad imu: stamp of zero";
   if (!sample.specific_force_m_s2.allFinite() || !sample.angular_velocity_rad_s.allFinite()) {
     return "bad imu: not finite";
@@ -114,6 +139,8 @@ std::string GpsInsInput::take_imu(const sensor_msgs::Imu& msg, std::int64_t rece
     filter_.emplace(params_.gps_ins, mounting, origin);
     if (backlog_s_ > 0.0) backlog_.emplace(params_.gps_ins, mounting, backlog_s_);
   }
+  sample.stamp_ns = even_stamp_ns(sample, received_ns);
+  consistency_.add_imu(sample.stamp_ns, received_ns);
   const std::int64_t before_ns = filter_->stamp_ns();
   const std::uint64_t doubted_before = filter_->counters().of(kAnotherTime);
   filter_->add_imu(sample, received_ns);
@@ -127,6 +154,29 @@ std::string GpsInsInput::take_imu(const sensor_msgs::Imu& msg, std::int64_t rece
   return "";
 }
 
+/// Gives a fix the covariance and the altitude that it lacks.
+void GpsInsInput::complete(GeodeticFix& fix) {
+  Eigen::Matrix3d& covariance = fix.covariance_m2;
+  double& altitude_m = fix.position.altitude_m;
+  const bool has_altitude = !std::isnan(altitude_m);
+  if (has_altitude) {
+    altitude_m_ = altitude_m;
+  } else {
+    // An origin by a fix without one is on the ellipsoid.
+    fix.has_altitude = false;
+    altitude_m = altitude_m_.value_or(filter_->origin() ? filter_->origin()->altitude_m : 0.0);
+    covariance.row(2).setZero();
+    covariance.col(2).setZero();
+    covariance(2, 2) = kNoAltitudeSigma_m * kNoAltitudeSigma_m;
+    ++counters_["fix without altitude: used in x and y"];
+  }
+  if (!covariance.allFinite() || covariance.diagonal().minCoeff() > 0.0) return;
+  const double variance_m2 = params_.fix_sigma_m * params_.fix_sigma_m;
+  const double up_m2 = has_altitude ? kVerticalRatio * kVerticalRatio * variance_m2 : covariance(2, 2);
+  covariance = Eigen::Vector3d(variance_m2, variance_m2, up_m2).asDiagonal();
+  ++counters_["fix without covariance: fix_sigma_m used"];
+}
+
 void GpsInsInput::add_fix(const sensor_msgs::NavSatFix& msg, std::int64_t received_ns) {
   good_fix_.reset();
   if (!is_of(antenna_, msg.header.frame_id)) {
@@ -138,13 +188,8 @@ void GpsInsInput::add_fix(const sensor_msgs::NavSatFix& msg, std::int64_t receiv
     ++counters_["fix before the imu"];
     return;
   }
-  const Eigen::Matrix3d& covariance = fix.covariance_m2;
-  if (fix.is_fix && covariance.allFinite() && !(covariance.diagonal().minCoeff() > 0.0)) {
-    const double variance_m2 = params_.fix_sigma_m * params_.fix_sigma_m;
-    fix.covariance_m2 =
-        Eigen::Vector3d(variance_m2, variance_m2, kVerticalRatio * kVerticalRatio * variance_m2).asDiagonal();
-    ++counters_["fix without covariance: fix_sigma_m used"];
-  }
+  consistency_.add_fix(fix.stamp_ns, received_ns);
+  if (fix.is_fix) complete(fix);
   // One that is far from the samples is refused by the filter, and only what is used is judged.
   const double off_s = std::abs(seconds_between(fix.stamp_ns, filter_->stamp_ns()));
   const bool is_good = fix.is_fix && is_valid(fix.position) && off_s <= params_.gps_ins.max_delay_s;
@@ -157,6 +202,9 @@ void GpsInsInput::add_fix(const sensor_msgs::NavSatFix& msg, std::int64_t receiv
   if (backlog_ && !filter_->is_ready()) backlog_->add_fix(fix);
   if (!is_good || !fix.covariance_m2.allFinite()) return;
   good_fix_ = fix;
+  if (fix.has_altitude) {
+    consistency_.add_altitude(fix.stamp_ns, fix.position.altitude_m, std::sqrt(fix.covariance_m2(2, 2)));
+  }
   if (!filter_->origin()) return;
   turns_.add_fix(fix.stamp_ns, local_position(*filter_->origin(), fix.position).head<2>(),
                  std::sqrt(fix.covariance_m2.diagonal().head<2>().maxCoeff()));

@@ -4,7 +4,9 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <functional>
 #include <optional>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -223,6 +225,75 @@ TEST(InertialNavigation, OneWrongStampIsAsIfItHadNotCome) {
         EXPECT_TRUE(flown(short_flight({stream, message, shift_s})) == without)
             << stream << ' ' << message << ", " << shift_s << " s";
       }
+    }
+  }
+}
+
+/// What a driver does otherwise, and the sentence about it, of which live diagnostics warn; none where it is made good.
+struct DriverFault {
+  std::function<void(Arriving&, int)> change;
+  const char* sentence;
+};
+
+TEST(InertialNavigation, WhatContradictsItselfIsNamedAndWhatDoesNotIsUsed) {
+  const auto of_imu = [](auto change) {
+    return [change](Arriving& message, int i) {
+      if (message.imu) change(*message.imu, i);
+    };
+  };
+  const auto of_fix = [](auto change) {
+    return [change](Arriving& message, int i) {
+      if (message.fix) change(*message.fix, i);
+    };
+  };
+  const auto turn_by = [&](double factor) {
+    return of_imu([factor](sensor_msgs::Imu& imu, int) {
+      imu.angular_velocity.x *= factor;
+      imu.angular_velocity.y *= factor;
+      imu.angular_velocity.z *= factor;
+    });
+  };
+  const auto raise = [&](double by_m) {
+    return of_fix([by_m](sensor_msgs::NavSatFix& fix, int i) { fix.altitude += i > 80 ? by_m : 0.0; });
+  };
+  const auto stamp_later = [&](double seconds) {
+    return of_fix([seconds](sensor_msgs::NavSatFix& fix, int) { fix.header.stamp += ros::Duration(seconds); });
+  };
+  const auto read_at_once = [&](int count) {
+    return of_imu(
+        [count](sensor_msgs::Imu& imu, int i) { imu.header.stamp += ros::Duration(0.01 * (count - 1 - i % count)); });
+  };
+  const auto without_altitude = of_fix([](sensor_msgs::NavSatFix& fix, int) { fix.altitude = std::nan(""); });
+  const std::vector<DriverFault> faults = {
+      {[](Arriving&, int) {}, ""},
+      {turn_by(57.2958), "as rates in deg/s do"},
+      {turn_by(-1.0), "about an axis that points down"},
+      {stamp_later(18.0), "18 s ahead of those of the IMU"},
+      {stamp_later(-18.0), "18 s behind those of the IMU"},
+      {stamp_later(0.6), "ahead of those of the IMU"},
+      {raise(-47.0), "the altitude of the fixes jumps by"},
+      {raise(47.0), "the altitude of the fixes jumps by"},
+      {without_altitude, ""},
+      {read_at_once(4), ""},
+      {read_at_once(10), ""},
+      {read_at_once(25), ""},
+  };
+  for (std::size_t k = 0; k < faults.size(); ++k) {
+    std::vector<Arriving> messages = short_flight();
+    int samples = 0, fixes = 0;
+    for (Arriving& message : messages) faults[k].change(message, message.imu ? samples++ : fixes++);
+    tf2::BufferCore tf;
+    InertialNavigation navigation({}, tf, {[](const geometry_msgs::TransformStamped&) {}, [] {}});
+    std::string sentence;
+    for (const Arriving& message : messages) {
+      if (message.imu) navigation.add_imu(*message.imu, message.at_ns);
+      if (message.fix) navigation.add_fix(*message.fix, message.at_ns);
+      if (sentence.empty()) sentence = navigation.input().contradiction();
+    }
+    EXPECT_NE(sentence.find(faults[k].sentence), std::string::npos) << k << ": " << sentence;
+    if (*faults[k].sentence == '\0') {
+      EXPECT_EQ(sentence, "") << k;
+      EXPECT_TRUE(navigation.is_ready()) << k;
     }
   }
 }

@@ -9,6 +9,7 @@ import sys
 import tempfile
 import unittest
 
+import genpy
 import numpy as np
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
@@ -117,31 +118,34 @@ def without_intensities(msg):
     return msg
 
 
-def in_g(msg, _):
-    force = msg.linear_acceleration
-    force.x, force.y, force.z = force.x / bags.GRAVITY, force.y / bags.GRAVITY, force.z / bags.GRAVITY
-    return msg
+def times(vector, x, y, z):
+    vector.x, vector.y, vector.z = x * vector.x, y * vector.y, z * vector.z
 
 
-def upside_down(msg, _):
-    msg.linear_acceleration.z *= -1.0
-    return msg
+def of_imu(force=(1, 1, 1), rate=(1, 1, 1), lift=0.0):
+    """A change of a sample: factors of x, y and z, before which `lift` is added to the force upwards."""
+    def change(msg, _):
+        msg.linear_acceleration.z += lift
+        times(msg.linear_acceleration, *force)
+        times(msg.angular_velocity, *rate)
+        return msg
+    return change
 
 
-def in_degrees(msg, _):
-    rate = msg.angular_velocity
-    rate.x, rate.y, rate.z = map(math.degrees, (rate.x, rate.y, rate.z))
-    return msg
-
-
-def clockwise(msg, _):
-    msg.angular_velocity.z *= -1.0
-    return msg
+def later(seconds):
+    """A change of stamps."""
+    def change(msg, _):
+        msg.header.stamp += genpy.Duration.from_sec(seconds)
+        return msg
+    return change
 
 
 def no_fix(msg, _):
     msg.status.status = -1
     return msg
+
+
+IN_G, IN_DEGREES, DOWN = (1 / bags.GRAVITY,) * 3, (math.degrees(1),) * 3, (1, -1, -1)
 
 
 FOOTPRINT = ("odom", "base_footprint")
@@ -241,15 +245,31 @@ CASES = [
     Case("other_reflectors", "polygons_bag", polygons(spread=1.3), "the pose by reflectors is not known", "of 6"),
     Case("reflectors", "polygons_bag", polygons(), code=0),
     # GPS and IMU.
-    Case("force_in_g", "splinegons_bag", splinegons(imu=in_g), "the force that the IMU measures is not that of gravity"),
-    Case("force_down", "splinegons_bag", splinegons(imu=upside_down), "gravity is not along the base's z"),
+    Case("force_in_g", "splinegons_bag", splinegons(imu=of_imu(IN_G)), "the force that the IMU measures is not that of gravity: it is 1 at rest, as in g"),
+    Case("force_in_milli_g", "splinegons_bag", splinegons(imu=of_imu((1000 / bags.GRAVITY,) * 3)), "not that of gravity: it is about 1000 at rest"),
+    Case("force_in_cm_s2", "splinegons_bag", splinegons(imu=of_imu((100,) * 3)), "not that of gravity: it is about 1000 at rest", "cm/s^2"),
+    Case("force_in_feet", "splinegons_bag", splinegons(imu=of_imu((1 / 0.3048,) * 3)), "not that of gravity: m/s^2"),
+    Case("no_gravity", "splinegons_bag", splinegons(imu=of_imu(lift=-bags.GRAVITY)), "not that of gravity: it is 0 at rest"),
+    Case("no_gravity_and_axes_down", "splinegons_bag", splinegons(imu=of_imu(DOWN, DOWN, -bags.GRAVITY)), "not that of gravity: it is 0 at rest"),
+    Case("no_force", "splinegons_bag", splinegons(imu=of_imu((0, 0, 0))), "not that of gravity: it is 0 at rest"),
+    Case("force_down", "splinegons_bag", splinegons(imu=of_imu((1, 1, -1))), "gravity is not along the base's z", "NED"),
+    Case("axes_down", "splinegons_bag", splinegons(imu=of_imu(DOWN, DOWN), seconds=30.0), "gravity is not along the base's z", "NED", "contradict each other"),
+    Case("axes_down_in_g", "splinegons_bag", splinegons(imu=of_imu(np.multiply(DOWN, IN_G), DOWN)), "as in g"),
+    Case("gravity_down", "splinegons_bag", splinegons(imu=of_imu((-1, -1, -1))), "gravity is not along the base's z", "NED"),
     Case("no_fix", "splinegons_bag", splinegons(fix=no_fix), "no usable fix yet", "dropped: no fix"),
     Case("no_imu", "splinegons_bag", splinegons(imu=lambda msg, t: msg if t < 0.5 else None), "dropped: fix ahead of the imu"),
     Case("car", "splinegons_bag", splinegons(seconds=25.0), code=0),
-    Case("rates_in_degrees", "splinegons_bag", splinegons(seconds=60.0, imu=in_degrees),
-         "yaw is not known yet", "the rates of the IMU and the fixes contradict each other: the rates turn 5",
-         warned=True),
-    Case("rates_to_the_right", "splinegons_bag", splinegons(seconds=60.0, imu=clockwise), "contradict each other", code=None),
+    Case("rates_in_degrees", "splinegons_bag", splinegons(seconds=60.0, imu=of_imu(rate=IN_DEGREES)),
+         "the rates of the IMU and the fixes contradict each other: the rates turn 5", "as rates in deg/s do: rad/s", warned=True, code=None),
+    Case("rates_in_degrees_and_down", "splinegons_bag", splinegons(seconds=40.0, imu=of_imu(rate=np.multiply(DOWN, IN_DEGREES))),
+         "the rates turn -5", "rad/s are expected, positive to the left", warned=True, code=None),
+    Case("rates_down", "splinegons_bag", splinegons(seconds=40.0, imu=of_imu(rate=DOWN)), "contradict each other: the rates turn -",
+         "positive to the left is expected", warned=True, code=None),
+    Case("rates_in_turns", "splinegons_bag", splinegons(seconds=60.0, imu=of_imu(rate=(1 / math.tau,) * 3)), "contradict each other", warned=True, code=None),
+    Case("fixes_in_gps_time", "splinegons_bag", splinegons(fix=later(18)), "the stamps of the fixes are 18 s ahead of", "UTC", "fix ahead of the imu"),
+    Case("imu_in_gps_time", "splinegons_bag", splinegons(imu=later(18)), "the stamps of the fixes are 18 s behind", "UTC"),
+    Case("fixes_of_another_clock", "splinegons_bag", splinegons(fix=later(-500)), "the stamps of the fixes are 500.0 s behind those of the IMU"),
+    Case("fixes_half_a_second_ahead", "splinegons_bag", splinegons(seconds=30.0, fix=later(0.6)), "the stamps of the fixes are 0.6 s ahead of those of the IMU", warned=True, code=None),
     # A camera over an elevation.
     Case("elsewhere", "grid_bag", grid(shift=(465000.0, 5247000.0)), "x 464950 to 465050", "the camera at (", "looks at (0.0, 0.0, 0.0)"),
     Case("lower", "grid_bag", grid(height_m=-47.0), "above the elevation", "z -47 to -47", "looks at", "zero of height"),

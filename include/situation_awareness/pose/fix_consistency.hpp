@@ -12,8 +12,7 @@
 namespace situation_awareness {
 
 /// Compares the fixes of a receiver with what came along with them, without a filter: their stamps with those of the
-/// IMU by when both were received, and their altitudes with one another. Time and memory are bounded; no allocation
-/// after warm-up.
+/// IMU by when both were received, and their altitudes with one another. Time and memory are bounded.
 class FixConsistency {
  public:
   FixConsistency();

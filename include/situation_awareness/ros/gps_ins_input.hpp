@@ -13,7 +13,9 @@
 #include <Eigen/Geometry>
 
 #include "situation_awareness/common/counters.hpp"
+#include "situation_awareness/common/even_stamps.hpp"
 #include "situation_awareness/common/stamp_order.hpp"
+#include "situation_awareness/pose/fix_consistency.hpp"
 #include "situation_awareness/pose/gps_ins.hpp"
 #include "situation_awareness/pose/gps_ins_backlog.hpp"
 #include "situation_awareness/pose/turn_consistency.hpp"
@@ -41,7 +43,8 @@ class GpsInsInput {
   void see_fix(const sensor_msgs::NavSatFix& msg) { is_of(antenna_, msg.header.frame_id); }
 
   /// What is not used of these is counted by counters(), or by those of the filter. A covariance that is unknown or
-  /// zero is replaced by `fix_sigma_m`.
+  /// zero is replaced by `fix_sigma_m`. A fix without an altitude (not a number) is taken to be at the height of the
+  /// one before, within 50 m.
   void add_fix(const sensor_msgs::NavSatFix& msg, std::int64_t received_ns = StampOrder::kNone);
   /// That of the latest add_fix, if it has a position and a covariance, and its stamp is in order.
   const std::optional<GeodeticFix>& good_fix() const { return good_fix_; }
@@ -64,8 +67,8 @@ class GpsInsInput {
   /// Why there is no pose now, in one sentence; empty if there is.
   std::string why_not_ready() const;
 
-  /// One sentence if rates and fixes contradict each other, else empty.
-  std::string contradiction() const { return turns_.contradiction(); }
+  /// One sentence if what the IMU and the fixes measure, or their stamps, contradict each other, else empty.
+  std::string contradiction() const;
 
   /// None before both mountings are known.
   GpsIns* filter() { return filter_ ? &*filter_ : nullptr; }
@@ -82,6 +85,9 @@ class GpsInsInput {
     std::optional<Eigen::Isometry3d> T_base_sensor;
   };
 
+  /// Its stamp, or that by which it is spread over the time where stamps come in bunches.
+  std::int64_t even_stamp_ns(const InertialSample& sample, std::int64_t received_ns);
+  void complete(GeodeticFix& fix);
   std::string take_imu(const sensor_msgs::Imu& msg, std::int64_t received_ns);
   /// Whether its place on the base is known, now if not before; else why_not is tf2's reason.
   bool mount(Sensor& sensor, std::string& why_not) const;
@@ -96,7 +102,11 @@ class GpsInsInput {
   std::optional<GpsInsBacklog> backlog_;
   bool waits_for_sensors_ = false;
   StampOrder fixes_;
+  EvenStamps even_stamps_;
+  std::optional<InertialSample> sample_;  ///< the latest, as it came
   TurnConsistency turns_;
+  FixConsistency consistency_;
+  std::optional<double> altitude_m_;  ///< of the latest fix with one
   Counters counters_;
   std::string detail_;
   std::string refusal_;  ///< of the latest sample
