@@ -67,7 +67,9 @@ add_library(${PROJECT_NAME}_ros
   src/ros/stage_context.cpp
   src/ros/stage_diagnostics.cpp
   src/ros/transform_age.cpp
-  src/ros/transform_queue.cpp)
+  src/ros/transform_queue.cpp
+  src/ros/convert/camera.cpp
+  src/ros/convert/compressed_image.cpp)
 situation_awareness_target(${PROJECT_NAME}_ros)
 target_include_directories(${PROJECT_NAME}_ros SYSTEM PUBLIC ${catkin_INCLUDE_DIRS} ${roslib_INCLUDE_DIRS}
   ${CATKIN_DEVEL_PREFIX}/${CATKIN_GLOBAL_INCLUDE_DESTINATION})

@@ -6,10 +6,16 @@
 #include <cstdint>
 #include <cstring>
 #include <limits>
+#include <stdexcept>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include <opencv2/core.hpp>
+#include <opencv2/imgcodecs.hpp>
+
+#include "situation_awareness/ros/convert/camera.hpp"
+#include "situation_awareness/ros/convert/compressed_image.hpp"
 #include "situation_awareness/ros/convert/grid.hpp"
 #include "situation_awareness/ros/convert/labels.hpp"
 #include "situation_awareness/ros/odometry_covariances.hpp"
@@ -100,10 +106,187 @@ TEST(ImageMessages, AllEncodingsAreTheSameImage) {
   EXPECT_EQ(grey.camera.fy_px, 12.0);
 }
 
+TEST(ImageMessages, NumbersOfTwoBytesAreTheSameImage) {
+  const std::vector<std::uint8_t> rgb = {10, 20, 30, 11, 21, 31, 12, 22, 32, 13, 23, 33};
+  for (const auto& [encoding, channels] : std::vector<std::pair<std::string, std::vector<int>>>{
+           {"rgb16", {0, 1, 2}}, {"bgr16", {2, 1, 0}}, {"rgba16", {0, 1, 2, 3}}, {"mono16", {0}}}) {
+    for (const bool is_bigendian : {false, true}) {
+      sensor_msgs::Image msg = image_of(encoding, channels);
+      std::vector<std::uint8_t> data;
+      for (const std::uint8_t byte : msg.data) {  // v * 257, less a little
+        data.push_back(is_bigendian ? byte : static_cast<std::uint8_t>(byte - 9));
+        data.push_back(is_bigendian ? static_cast<std::uint8_t>(byte - 9) : byte);
+      }
+      msg.data = data;
+      msg.step *= 2;
+      msg.is_bigendian = is_bigendian ? 1 : 0;
+      EXPECT_EQ(image_msg_defect(msg), "") << encoding;
+      const std::vector<std::uint8_t> read = image_from_msg(msg, info_of(2, 2)).rgb;
+      if (encoding == "mono16") {
+        EXPECT_EQ(read, (std::vector<std::uint8_t>{10, 10, 10, 11, 11, 11, 12, 12, 12, 13, 13, 13}));
+      } else {
+        EXPECT_EQ(read, rgb) << encoding << ' ' << is_bigendian;
+      }
+      msg.data.pop_back();
+      EXPECT_EQ(image_msg_defect(msg), "image with too little data");
+    }
+  }
+}
+
+TEST(ImageMessages, CodedColorsAreRead) {
+  for (const auto& [encoding, bytes] : std::vector<std::pair<std::string, std::uint32_t>>{
+           {"bayer_rggb8", 1}, {"bayer_grbg16", 2}, {"yuv422", 2}, {"yuv422_yuy2", 2}, {"8UC1", 1}, {"8UC3", 3}}) {
+    sensor_msgs::Image msg;
+    msg.width = 6;
+    msg.height = 4;
+    msg.encoding = encoding;
+    msg.step = bytes * msg.width;
+    msg.data.assign(std::size_t{msg.step} * msg.height, 128);  // grey, as yuv 130
+    EXPECT_EQ(image_msg_defect(msg), "") << encoding;
+    for (const std::uint8_t number : image_from_msg(msg, info_of(6, 4)).rgb) EXPECT_NEAR(number, 129, 2) << encoding;
+    msg.width = 5;
+    const bool is_coded = encoding[0] == 'b' || encoding[0] == 'y';
+    EXPECT_EQ(image_msg_defect(msg), is_coded ? "image of a size that its encoding does not have" : "") << encoding;
+  }
+}
+
+TEST(CompressedImages, AreImagesOrSayThatTheyCannotBeRead) {
+  cv::Mat grey(4, 6, CV_8UC1, cv::Scalar(77)), deep(4, 6, CV_16UC1, cv::Scalar(77 * 257));
+  cv::Mat color(4, 6, CV_8UC3, cv::Scalar(30, 20, 10)), labels(4, 6, CV_32FC1, cv::Scalar(0.25));
+  const auto read = [](const cv::Mat& mat, const char* file, const std::string& format) {
+    sensor_msgs::CompressedImage msg;
+    msg.header.frame_id = "camera";
+    msg.format = format;
+    EXPECT_TRUE(cv::imencode(file, mat, msg.data));
+    return *decompressed(msg);
+  };
+  const sensor_msgs::CameraInfo info = info_of(6, 4);
+  const sensor_msgs::Image png = read(color, ".png", "rgb8; png compressed bgr8");
+  EXPECT_EQ(png.header.frame_id, "camera");
+  EXPECT_EQ(camera_info_msg_defect(info, png), "");
+  const std::vector<std::uint8_t> rgb = image_from_msg(png, info).rgb;
+  EXPECT_EQ(std::vector<std::uint8_t>(rgb.begin(), rgb.begin() + 3), (std::vector<std::uint8_t>{10, 20, 30}));
+  EXPECT_NEAR(image_from_msg(read(color, ".jpg", "jpeg"), info).rgb[0], 10, 3);
+  EXPECT_EQ(image_from_msg(read(grey, ".png", "mono8; png compressed "), info).rgb[5], 77);
+  EXPECT_EQ(image_from_msg(read(deep, ".png", "png"), info).rgb[5], 77);
+  EXPECT_EQ(read(grey, ".jpg", "bayer_grbg8; jpeg compressed ").encoding, "bayer_grbg8");
+  EXPECT_EQ(labels_from_msg(read(labels, ".tiff", "32FC1; tiff compressed "), info).probability[7], 0.25F);
+  EXPECT_EQ(labels_msg_defect(png), "labels are not 32FC1");
+  sensor_msgs::CompressedImage bad;
+  bad.data.assign(50, 3);
+  EXPECT_EQ(image_msg_defect(*decompressed(bad)), "compressed image that cannot be read");
+  EXPECT_EQ(labels_msg_defect(*decompressed(bad)), "compressed image that cannot be read");
+}
+
+/// A calibrated camera: P is another than K.
+sensor_msgs::CameraInfo calibrated_info() {
+  sensor_msgs::CameraInfo info = info_of(100, 80);
+  info.D = {-0.25, 0.06, 0.0, 0.0, 0.0};
+  info.P[0] = 9.0;
+  info.P[5] = 9.5;
+  info.P[2] = 48.0;
+  info.P[6] = 41.0;
+  return info;
+}
+
+sensor_msgs::Image sized(std::uint32_t width, std::uint32_t height) {
+  sensor_msgs::Image image;
+  image.width = width;
+  image.height = height;
+  return image;
+}
+
+TEST(CameraModels, AreOfTheMatrixOfTheKindOfImage) {
+  const sensor_msgs::CameraInfo info = calibrated_info();
+  const sensor_msgs::Image image = sized(100, 80);
+  const CameraModel rectified = camera_model(info, image, ImageKind::kRectified);
+  EXPECT_EQ(rectified.defect, "");
+  EXPECT_EQ(rectified.camera.fx_px, 9.0);
+  EXPECT_EQ(rectified.camera.cy_px, 41.0);
+  EXPECT_FALSE(rectified.distortion);
+  EXPECT_EQ(rectified.assumed, "");
+  const CameraModel raw = camera_model(info, image, ImageKind::kRaw);
+  EXPECT_EQ(raw.camera.fx_px, 11.0);
+  ASSERT_TRUE(raw.distortion);
+  EXPECT_EQ(raw.distortion->coefficients, (std::vector<double>{-0.25, 0.06, 0.0, 0.0}));
+  // What nothing tells is rectified, as it is asked for, and is told.
+  const CameraModel either = camera_model(info, image, ImageKind::kAuto);
+  EXPECT_EQ(either.camera.fx_px, 9.0);
+  EXPECT_NE(either.assumed, "");
+}
+
+TEST(CameraModels, RefuseDistortionWhereNothingTellsWhetherTheImageHasIt) {
+  sensor_msgs::CameraInfo info = info_of(100, 80);
+  const sensor_msgs::Image image = sized(100, 80);
+  info.D = {-0.25, 0.06, 0.0, 0.0, 0.0};  // and P is K
+  EXPECT_NE(camera_info_msg_defect(info, image), "");
+  EXPECT_EQ(camera_info_msg_defect(info, image, ImageKind::kRaw), "");
+  EXPECT_EQ(camera_info_msg_defect(info, image, ImageKind::kRectified), "");
+  info.P.fill(0.0);
+  EXPECT_NE(camera_info_msg_defect(info, image), "");
+  EXPECT_NE(camera_info_msg_defect(info, image, ImageKind::kRectified), "");
+  info.D.clear();
+  EXPECT_EQ(camera_model(info, image, ImageKind::kAuto).camera.fx_px, 11.0);
+  EXPECT_EQ(camera_model(info, image, ImageKind::kRectified).camera.fx_px, 11.0);
+}
+
+TEST(CameraModels, KnowTheModelsOfDistortion) {
+  const auto model_of = [](const std::string& name, const std::vector<double>& D) {
+    sensor_msgs::CameraInfo info = info_of(100, 80);
+    info.distortion_model = name;
+    info.D = D;
+    return camera_model(info, sized(100, 80), ImageKind::kRaw);
+  };
+  EXPECT_EQ(model_of("plumb_bob", {0.1, 0.0, 0.0, 0.0, 0.2}).distortion->coefficients.size(), 5U);
+  EXPECT_EQ(model_of("", {0.1, 0.01}).distortion->coefficients.size(), 4U);
+  EXPECT_EQ(model_of("rational_polynomial", {0.1, 0, 0, 0, 0, 0, 0, 0.2}).distortion->coefficients.size(), 8U);
+  const CameraModel fisheye = model_of("equidistant", {0.1, 0.0, 0.0, 0.0});
+  EXPECT_EQ(fisheye.distortion->model, LensDistortion::Model::kEquidistant);
+  EXPECT_EQ(fisheye.distortion->coefficients, (std::vector<double>{0.1, 0.0, 0.0, 0.0}));
+  EXPECT_TRUE(model_of("equidistant", {0.0, 0.0, 0.0, 0.0}).distortion);  // no pinhole camera either
+  EXPECT_NE(model_of("equidistant", {0.1, 0.0, 0.0, 0.0, 0.5}).defect, "");
+  EXPECT_NE(model_of("inverse_brown_conrady", {0.1}).defect, "");
+  EXPECT_NE(model_of("plumb_bob", {std::numeric_limits<double>::quiet_NaN()}).defect, "");
+  EXPECT_EQ(model_of("inverse_brown_conrady", {0.0, 0.0}).defect, "");  // none
+}
+
+TEST(CameraModels, FollowTheRegionOfInterestAndBinning) {
+  sensor_msgs::CameraInfo info = info_of(100, 80);
+  info.binning_x = info.binning_y = 2;
+  CameraModel model = camera_model(info, sized(50, 40), ImageKind::kAuto);
+  EXPECT_EQ(model.defect, "");
+  EXPECT_EQ(model.camera.width, 50);
+  EXPECT_EQ(model.camera.fx_px, 5.5);
+  EXPECT_EQ(model.camera.cx_px, 24.5);  // in the middle as before
+  info.roi.x_offset = 20;
+  info.roi.y_offset = 10;
+  info.roi.width = 60;
+  info.roi.height = 50;
+  model = camera_model(info, sized(30, 25), ImageKind::kAuto);
+  EXPECT_EQ(model.camera.cx_px, (49.5 - 20.0 + 0.5) / 2.0 - 0.5);
+  EXPECT_EQ(model.camera.cy_px, (39.5 - 10.0 + 0.5) / 2.0 - 0.5);
+  EXPECT_EQ(camera_info_msg_defect(info, sized(31, 25)), "camera_info of another size");
+  info.binning_x = info.binning_y = 0;
+  model = camera_model(info, sized(60, 50), ImageKind::kAuto);
+  EXPECT_EQ(model.camera.fx_px, 11.0);
+  EXPECT_EQ(model.camera.cx_px, 29.5);
+  EXPECT_EQ(camera_model(info, sized(100, 80), ImageKind::kAuto).camera.cx_px, 49.5);  // all of it all the same
+}
+
+TEST(ImageKinds, AreToldByTheNamesOfImageProc) {
+  EXPECT_EQ(image_kind("auto", "/camera/image_rect"), ImageKind::kRectified);
+  EXPECT_EQ(image_kind("auto", "camera/image_rect_color/compressed"), ImageKind::kRectified);
+  EXPECT_EQ(image_kind("auto", "/camera/image_raw"), ImageKind::kRaw);
+  EXPECT_EQ(image_kind("auto", "/image_color/compressed"), ImageKind::kRaw);
+  EXPECT_EQ(image_kind("auto", "/camera/labels"), ImageKind::kAuto);
+  EXPECT_EQ(image_kind("raw", "/camera/image_rect"), ImageKind::kRaw);
+  EXPECT_THROW(image_kind("fish", "/camera/image_rect"), std::invalid_argument);
+}
+
 TEST(ImageMessages, DefectsAreNamed) {
   sensor_msgs::Image msg = image_of("rgb8", {0, 1, 2});
   msg.encoding = "16UC1";
-  EXPECT_EQ(image_msg_defect(msg), "image is not rgb8, bgr8, rgba8, bgra8 or mono8");
+  EXPECT_EQ(image_msg_defect(msg), "image is not of rgb, bgr, mono, bayer or yuv422");
   EXPECT_EQ(labels_msg_defect(msg), "labels are not 32FC1");
   msg = image_of("rgb8", {0, 1, 2});
   msg.data.pop_back();

@@ -23,6 +23,7 @@
 #include "situation_awareness/ros/receipt.hpp"
 #include "situation_awareness/ros/scan_check.hpp"
 #include "situation_awareness/ros/stage_context.hpp"
+#include "situation_awareness/ros/timed_subscriber.hpp"
 #include "situation_awareness/ros/transform_age.hpp"
 #include "situation_awareness/ros/transform_input.hpp"
 #include "situation_awareness/ros/transform_queue.hpp"
@@ -40,11 +41,11 @@ struct PosedMessage {
 /// The input of a stage with measurements of a sensor (scans, clouds, images) that need the sensor's poses: each waits
 /// for its transforms, then in the backlog. Drops are counted by reason, delays of transforms are on /diagnostics. All
 /// calls are on the callback queue of its stage, without a lock; `context` must outlive it. `Queued`: what the stage
-/// takes, made of a PosedMessage.
-template <class Message, class Queued = PosedMessage<Message>>
+/// takes, made of a PosedMessage. `Subscriber`: as of StageContext.
+template <class Message, class Queued = PosedMessage<Message>, class Subscriber = TimedSubscriber<Message>>
 class PosedInput {
  public:
-  using Context = StageContext<Message, Queued>;
+  using Context = StageContext<Message, Queued, Subscriber>;
   using ConstPtr = boost::shared_ptr<const Message>;
 
   struct Use {

@@ -102,8 +102,8 @@ class StageContextBase {
 
 /// The same with the input: its subscription, the backlog before it, and the latency of the message being processed.
 /// `Queued` is the element of the backlog: the message itself or, for a stage that adds data first (a scan's poses), a
-/// struct with its `header`.
-template <class Input, class Queued = Input>
+/// struct with its `header`. `Subscriber` is as TimedSubscriber.
+template <class Input, class Queued = Input, class Subscriber = TimedSubscriber<Input>>
 class StageContext : public StageContextBase {
  public:
   using ConstPtr = boost::shared_ptr<const Input>;
@@ -213,7 +213,7 @@ class StageContext : public StageContextBase {
   std::function<std::size_t()> waiting_before_;
   ros::SteadyTime arrival_;
   double latency_before_s_ = 0.0;
-  std::optional<TimedSubscriber<Input>> subscriber_;
+  std::optional<Subscriber> subscriber_;
 };
 
 }  // namespace situation_awareness

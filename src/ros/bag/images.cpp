@@ -6,15 +6,22 @@
 #include <cstdio>
 #include <map>
 #include <optional>
+#include <string>
 #include <utility>
 
 #include <nav_msgs/Odometry.h>
+#include <ros/message_traits.h>
+#include <rosbag/bag.h>
+#include <rosbag/view.h>
 #include <sensor_msgs/CameraInfo.h>
+#include <sensor_msgs/CompressedImage.h>
 #include <sensor_msgs/Image.h>
 
 #include "command_line.hpp"
 #include "situation_awareness/pipeline/image_labelling.hpp"
 #include "situation_awareness/ros/bag/messages.hpp"
+#include "situation_awareness/ros/convert/camera.hpp"
+#include "situation_awareness/ros/convert/compressed_image.hpp"
 #include "situation_awareness/ros/convert/labels.hpp"
 #include "situation_awareness/ros/convert/poses.hpp"
 #include "situation_awareness/ros/convert/time.hpp"
@@ -41,23 +48,38 @@ class CameraInfos {
     sensor_msgs::CameraInfoConstPtr other;
     for (auto it = after; it != infos_.begin();) {
       --it;
-      if (it->second->header.stamp == image.header.stamp || is_of(*it->second, image)) return it->second;
+      if (it->second->header.stamp == image.header.stamp || is_size_of(*it->second, image)) return it->second;
       other = it->second;
     }
     for (auto it = after; it != infos_.end(); ++it) {
-      if (is_of(*it->second, image)) return it->second;
+      if (is_size_of(*it->second, image)) return it->second;
       other = it->second;
     }
     return other;
   }
 
  private:
-  static bool is_of(const sensor_msgs::CameraInfo& info, const sensor_msgs::Image& image) {
-    return info.width == image.width && info.height == image.height;
-  }
-
   std::map<std::int64_t, sensor_msgs::CameraInfoConstPtr> infos_;
 };
+
+const std::string& topic_of(const ImageOptions& options) {
+  return options.image_topic.empty() ? options.labels_topic : options.image_topic;
+}
+
+/// The topic where it has compressed images or, as by image_transport, where the one beside it has them; else empty.
+std::string compressed_topic(const std::string& bag_path, const std::string& topic) {
+  const std::string bare = tf2_frame(topic), beside = bare + kCompressedTransport;
+  const std::string type = ros::message_traits::datatype<sensor_msgs::CompressedImage>();
+  rosbag::Bag bag(bag_path, rosbag::bagmode::Read);
+  rosbag::View view(bag);
+  std::string compressed;
+  for (const rosbag::ConnectionInfo* connection : view.getConnections()) {
+    const std::string here = tf2_frame(connection->topic);
+    if (here == bare && connection->datatype != type) return "";
+    if (here == bare || (here == beside && connection->datatype == type)) compressed = here;
+  }
+  return compressed;
+}
 
 /// Empty where the bag has labels.
 std::optional<ImageLabelling> labelling_of(const ImageOptions& options, const GridPipelineParams& params) {
@@ -74,9 +96,13 @@ void add_image_options(CommandLine& app, ImageOptions& options) {
   };
   const CommandLineOption labels = text("--labels-topic", options.labels_topic, "TOPIC", "sensor_msgs/Image, 32FC1");
   text("--image-topic", options.image_topic, "TOPIC",
-       "instead: sensor_msgs/Image, rectified, to be labelled by a network")
+       "instead: sensor_msgs/Image or CompressedImage, rectified, to be labelled by a network")
       .excludes(labels);
   text("--camera-info-topic", options.camera_info_topic, "TOPIC", "sensor_msgs/CameraInfo of these images");
+  text("--image-kind", options.image_kind, "KIND",
+       "what the images or labels are: rectified, with P of camera_info, or raw, with K and D;\nauto: what the topic's "
+       "name says (image_rect*, image_raw), else rectified where there is distortion")
+      .check(one_of({"auto", "rectified", "raw"}));
 }
 
 void add_model_folder_option(CommandLine& app, ImageOptions& options) {
@@ -92,12 +118,14 @@ struct BagImages::Work {
   Work(const BagOptions& bag, const ImageOptions& options, const GridPipelineParams& params)
       : pipeline(params, std::make_shared<Elevation>(Elevation::load(options.dem))),
         infos(bag, options.camera_info_topic),
+        camera(options.image_kind, topic_of(options)),
         labelling(labelling_of(options, params)) {
     pipeline.trust_stamps();  // the player has judged them
   }
 
   GridPipeline pipeline;
   CameraInfos infos;
+  ImageCamera camera;
   std::optional<ImageLabelling> labelling;
   OdometryCovariances covariances;
   std::size_t out_of_range = 0;
@@ -106,13 +134,18 @@ struct BagImages::Work {
   std::string map(BagPlayer& player, const sensor_msgs::Image& msg, const Eigen::Isometry3d& T_world_camera) {
     const sensor_msgs::CameraInfoConstPtr info = infos.of(msg);
     if (!info) return "no camera_info";
-    const std::string defect = camera_info_msg_defect(*info, msg);
-    if (!defect.empty()) return defect;
-    player.timed([&] {
-      SoftLabels labels = labelling ? labelling->label(image_from_msg(msg, *info)) : labels_from_msg(msg, *info);
+    const CameraModel& model = camera.take(*info, msg);
+    if (!model.defect.empty()) return model.defect;
+    const std::string defect = player.timed([&]() -> std::string {
+      SoftLabels labels =
+          labelling ? labelling->label(image_from_msg(msg, model.camera)) : labels_from_msg(msg, model.camera);
+      std::string not_undistorted = camera.undistort(labels);
+      if (!not_undistorted.empty()) return not_undistorted;
       out_of_range += drop_out_of_range(labels);
       pipeline.process(labels, T_world_camera, covariances.at(to_nanoseconds(msg.header.stamp)));
+      return "";
     });
+    if (!defect.empty()) return defect;
     return pipeline.is_pose_known() ? "" : "pose not known well enough";
   }
 };
@@ -129,21 +162,27 @@ BagImages::BagImages(BagPlayer& player, const BagOptions& bag, const ImageOption
         });
   }
   const bool are_labels = options.image_topic.empty();
-  player.subscribe_measurements<sensor_msgs::Image>(
-      are_labels ? options.labels_topic : options.image_topic, "images",
-      [&player, &work = *work_, are_labels, use = std::move(use)](const sensor_msgs::ImageConstPtr& msg,
-                                                                  const ros::Time& recorded) {
-        const std::string image_defect = are_labels ? labels_msg_defect(*msg) : image_msg_defect(*msg);
-        if (!image_defect.empty()) return player.drop(image_defect);
-        const Taken taken{tf2_frame(msg->header.frame_id), msg->header.stamp, msg->header.stamp};
-        player.use_when_posed(
-            taken, recorded,
-            [&player, &work, msg, &use](const Eigen::Isometry3d& T_world_camera, const Eigen::Isometry3d& /*end*/) {
-              std::string defect = work.map(player, *msg, T_world_camera);
-              if (defect.empty()) use(work.pipeline.targets());
-              return defect;
-            });
-      });
+  const auto take = [&player, &work = *work_, are_labels, use = std::move(use)](const sensor_msgs::ImageConstPtr& msg,
+                                                                                const ros::Time& recorded) {
+    const std::string image_defect = are_labels ? labels_msg_defect(*msg) : image_msg_defect(*msg);
+    if (!image_defect.empty()) return player.drop(image_defect);
+    const Taken taken{tf2_frame(msg->header.frame_id), msg->header.stamp, msg->header.stamp};
+    player.use_when_posed(
+        taken, recorded,
+        [&player, &work, msg, use](const Eigen::Isometry3d& T_world_camera, const Eigen::Isometry3d& /*end*/) {
+          std::string defect = work.map(player, *msg, T_world_camera);
+          if (defect.empty()) use(work.pipeline.targets());
+          return defect;
+        });
+  };
+  const std::string topic = topic_of(options), compressed = compressed_topic(bag.bag, topic);
+  if (compressed.empty()) {
+    player.subscribe_measurements<sensor_msgs::Image>(topic, "images", take);
+  } else {
+    player.subscribe_measurements<sensor_msgs::CompressedImage>(
+        compressed, "images",
+        [take](const auto& msg, const ros::Time& recorded) { take(decompressed(*msg), recorded); });
+  }
 }
 
 BagImages::~BagImages() = default;
@@ -151,6 +190,8 @@ BagImages::~BagImages() = default;
 GridPipeline& BagImages::pipeline() { return work_->pipeline; }
 
 void BagImages::print_summary() const {
+  const CameraModel& model = work_->camera.model();
+  if (!model.assumed.empty()) std::fprintf(stderr, "warning: %s\n", model.assumed.c_str());
   std::printf("the ground is %+.2f m off the elevation; %zu labels out of [0, 1] not used\n",
               work_->pipeline.map().elevation_offset_m(), work_->out_of_range);
   const OdometryCovariances& covariances = work_->covariances;

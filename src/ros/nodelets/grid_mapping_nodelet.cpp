@@ -19,10 +19,13 @@
 #include "situation_awareness/common/time.hpp"
 #include "situation_awareness/map/grid/geotiff.hpp"
 #include "situation_awareness/pipeline/grid_pipeline.hpp"
+#include "situation_awareness/ros/camera_report.hpp"
+#include "situation_awareness/ros/convert/camera.hpp"
 #include "situation_awareness/ros/convert/grid.hpp"
 #include "situation_awareness/ros/convert/labels.hpp"
 #include "situation_awareness/ros/convert/poses.hpp"
 #include "situation_awareness/ros/convert/time.hpp"
+#include "situation_awareness/ros/image_subscriber.hpp"
 #include "situation_awareness/ros/odometry_covariances.hpp"
 #include "situation_awareness/ros/params/grid_nodelet_params.hpp"
 #include "situation_awareness/ros/posed_input.hpp"
@@ -35,7 +38,7 @@ namespace situation_awareness {
 
 class GridMappingStage {
  public:
-  using Input = PosedInput<sensor_msgs::Image>;
+  using Input = PosedInput<sensor_msgs::Image, PosedMessage<sensor_msgs::Image>, ImageSubscriber>;
   using Context = Input::Context;
   static constexpr const char* kInput = "labels";
   static constexpr auto kReadParams = read_grid_nodelet_params;
@@ -43,6 +46,7 @@ class GridMappingStage {
   GridMappingStage(Context& context, const GridNodeletParams& params)
       : context_(context),
         params_(params),
+        camera_(params.image_kind, context.node().resolveName(kInput)),
         elevation_(std::make_shared<Elevation>(Elevation::load(params.dem))),
         targets_publisher_(context.node().advertise<TargetArray>("targets", 20)),
         grid_publisher_(context.node().advertise<nav_msgs::OccupancyGrid>("grid", 1, true)),
@@ -78,9 +82,11 @@ class GridMappingStage {
 
   bool process(const PosedMessage<sensor_msgs::Image>& posed) {
     if (!camera_info_) return context_.drop("no camera_info");
-    const std::string defect = camera_info_msg_defect(*camera_info_, *posed.msg);
+    const CameraModel& model = camera_.take(*camera_info_, *posed.msg);
+    if (!model.defect.empty()) return context_.drop(model.defect);
+    SoftLabels labels = labels_from_msg(*posed.msg, model.camera);
+    const std::string defect = camera_.undistort(labels);
     if (!defect.empty()) return context_.drop(defect);
-    SoftLabels labels = labels_from_msg(*posed.msg, *camera_info_);
     const std::size_t out_of_range = drop_out_of_range(labels);
     if (out_of_range > 0) context_.diagnostics().counted({{"labels out of [0, 1]", out_of_range}});
     const GridTargets& targets = pipeline_->process(labels, posed.T_world_sensor, covariances_.at(labels.stamp_ns));
@@ -116,12 +122,14 @@ class GridMappingStage {
     status.add("targets", pipeline_->targets().targets.size());
     status.add("ground above the elevation [m]", pipeline_->map().elevation_offset_m());
     status.add("camera_info", camera_info_ ? "received" : "none yet");
+    situation_awareness::report(camera_.model(), status);
     status.add("odometry without covariance", covariances_.unknown());
     status.add("odometry not in order", covariances_.refused());
   }
 
   Context& context_;
   GridNodeletParams params_;
+  ImageCamera camera_;
   std::shared_ptr<const Elevation> elevation_;
   std::optional<GridPipeline> pipeline_;
   OdometryCovariances covariances_;

@@ -19,6 +19,7 @@ struct ImageOptions {
   std::string labels_topic = "/camera/labels";
   std::string image_topic;  ///< of images that a network labels, instead of labels
   std::string camera_info_topic = "/camera/camera_info";
+  std::string image_kind = "auto";  ///< as image_kind of ros/convert/camera.hpp has it
   std::string odom_topic;    ///< whose covariance is that of the pose; empty: that of the parameters
   std::string dem;           ///< file of the elevation
   std::string model_folder;  ///< empty: models/ of this package

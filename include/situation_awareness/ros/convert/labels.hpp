@@ -8,25 +8,25 @@
 #include <sensor_msgs/Image.h>
 
 #include "situation_awareness/image/image.hpp"
+#include "situation_awareness/ros/convert/camera.hpp"
 
 namespace situation_awareness {
+
+/// Encoding of an image whose file cannot be read (ros/convert/compressed_image.hpp).
+constexpr const char* kNotDecoded = "not decoded";
 
 /// Reason why an image is not one of soft labels; empty if it is. The texts are fixed, for counters.
 std::string labels_msg_defect(const sensor_msgs::Image& msg);
 
-/// Reason why an image is not one of colours or greys of 8 bits; empty if it is. The texts are fixed, for counters.
+/// Reason why an image is not one of colours or greys; empty if it is. The texts are fixed, for counters.
 std::string image_msg_defect(const sensor_msgs::Image& msg);
 
-/// Reason why a camera cannot be used for an image; empty if it can. The texts are fixed, for counters.
-std::string camera_info_msg_defect(const sensor_msgs::CameraInfo& info, const sensor_msgs::Image& image);
-
-/// The camera of a message without defect: K of an image that is not distorted.
-PinholeCamera camera_from_msg(const sensor_msgs::CameraInfo& info);
-
-/// Labels of messages without defect; numbers out of [0, 1] are as they are there.
+/// Labels of a message without defect; numbers out of [0, 1] are as they are there.
+SoftLabels labels_from_msg(const sensor_msgs::Image& msg, const PinholeCamera& camera);
 SoftLabels labels_from_msg(const sensor_msgs::Image& msg, const sensor_msgs::CameraInfo& info);
 
-/// The image of messages without defect: of rgb8, bgr8, rgba8, bgra8 or mono8.
+/// The image of a message without defect.
+ColorImage image_from_msg(const sensor_msgs::Image& msg, const PinholeCamera& camera);
 ColorImage image_from_msg(const sensor_msgs::Image& msg, const sensor_msgs::CameraInfo& info);
 
 /// Labels as 32FC1, and their camera, whose D is 0 and whose R is the identity.

@@ -13,6 +13,7 @@ namespace situation_awareness {
 struct GridNodeletParams {
   NodeletParams nodelet;
   std::string dem;
+  std::string image_kind = "auto";
   double grid_period_s = 1.0;
   GridPipelineParams pipeline;
   std::vector<UnknownKey> unknown;
@@ -23,6 +24,9 @@ struct GridNodeletParams {
     visit("dem", self.dem,
           "path of the elevation, in the world's metres: a GeoTIFF or another raster that GDAL reads, north up; empty: "
           "level ground for scout, scouting.height_m below the begin");
+    visit("image_kind", self.image_kind,
+          "what the images are: rectified, with P of camera_info, or raw, with K and D; auto: what the topic's name "
+          "says (image_rect*, image_raw), else rectified where there is distortion");
     visit("grid_period_s", self.grid_period_s, Bounds{0.0, 1e6}, "s", "least time between grids, by their stamps");
     GridPipelineParams::fields(self.pipeline, visit);
   }

@@ -13,6 +13,7 @@ namespace situation_awareness {
 struct ImageLabellingNodeletParams {
   NodeletParams nodelet;
   std::string model_folder;
+  std::string image_kind = "auto";
   ImageLabellingParams labelling;
   std::vector<UnknownKey> unknown;
 
@@ -20,6 +21,9 @@ struct ImageLabellingNodeletParams {
   static void fields(Self& self, Visit&& visit) {
     NodeletParams::fields(self.nodelet, visit);
     visit("model_folder", self.model_folder, "folder of models with relative paths; empty: models/ of this package");
+    visit("image_kind", self.image_kind,
+          "what the images are: rectified, with P of camera_info, or raw, with K and D; auto: what the topic's name "
+          "says (image_rect*, image_raw), else rectified where there is distortion");
     visit("labelling", self.labelling);
   }
 };
