@@ -14,11 +14,6 @@ constexpr double kMaxScatter_rad = 0.01;  ///< RMS; of rows and columns that are
 
 }  // namespace
 
-bool is_return(const CloudPoint& point) {
-  return std::isfinite(point.x_m) && std::isfinite(point.y_m) && std::isfinite(point.z_m) &&
-         (point.x_m != 0.0F || point.y_m != 0.0F || point.z_m != 0.0F);
-}
-
 Eigen::Vector3d position_sensor(const CloudPoint& point) {
   return Eigen::Vector3f(point.x_m, point.y_m, point.z_m).cast<double>();
 }

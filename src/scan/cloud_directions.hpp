@@ -10,9 +10,6 @@
 
 namespace situation_awareness {
 
-/// False also for zeros, which some drivers send where there is no return.
-bool is_return(const CloudPoint& point);
-
 Eigen::Vector3d position_sensor(const CloudPoint& point);
 
 /// The directions of those measurements of a structured cloud that have no return, from the returns beside them.

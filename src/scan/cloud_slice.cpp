@@ -60,6 +60,70 @@ class ToLevel {
   double first_s_ = 0.0, poses_per_s_ = 0.0;
 };
 
+/// When measurements were that have no time of their own: a structured cloud has one for each column or, if those
+/// scatter less, for each row; between those that are known, times are on straight lines.
+class LineTimes {
+ public:
+  void learn(const Cloud& cloud) {
+    columns_ = cloud.columns;
+    std::vector<Line> columns(cloud.columns), rows(cloud.rows);
+    for (std::size_t place = 0; place < cloud.points.size(); ++place) {
+      const double time_s = cloud.points[place].time_s;
+      if (std::isnan(time_s)) continue;
+      columns[place % columns_].add(time_s);
+      rows[place / columns_].add(time_s);
+    }
+    is_by_column_ = scatter(columns) <= scatter(rows);
+    interpolate(is_by_column_ ? columns : rows);
+  }
+
+  double at(std::size_t place) const { return times_s_[is_by_column_ ? place % columns_ : place / columns_]; }
+
+ private:
+  struct Line {
+    double first_s = kInfinity, last_s = -kInfinity;
+
+    void add(double time_s) {
+      first_s = std::min(first_s, time_s);
+      last_s = std::max(last_s, time_s);
+    }
+    bool is_known() const { return first_s <= last_s; }
+  };
+
+  /// Mean of what the known ones span.
+  static double scatter(const std::vector<Line>& lines) {
+    double sum_s = 0.0;
+    int known = 0;
+    for (const Line& line : lines) {
+      if (!line.is_known()) continue;
+      sum_s += line.last_s - line.first_s;
+      ++known;
+    }
+    return known > 0 ? sum_s / known : kInfinity;
+  }
+
+  void interpolate(const std::vector<Line>& lines) {
+    times_s_.assign(lines.size(), 0.0);
+    std::size_t next = 0;  // that is not set yet
+    for (std::size_t i = 0; i < lines.size(); ++i) {
+      if (!lines[i].is_known()) continue;
+      const double time_s = 0.5 * (lines[i].first_s + lines[i].last_s);
+      const double before_s = next > 0 ? times_s_[next - 1] : time_s;
+      const std::size_t steps = i + 1 - next;
+      for (std::size_t k = 1; k <= steps; ++k) {
+        const double part = next > 0 ? static_cast<double>(k) / static_cast<double>(steps) : 1.0;
+        times_s_[next + k - 1] = before_s + part * (time_s - before_s);
+      }
+      next = i + 1;
+    }
+    for (; next > 0 && next < times_s_.size(); ++next) times_s_[next] = times_s_[next - 1];
+  }
+
+  std::size_t columns_ = 1;
+  bool is_by_column_ = true;
+  std::vector<double> times_s_;
+};
+
 /// What was measured at one bearing.
 struct Bearing {
   double first_s = kInfinity;  ///< time of its first measurement
@@ -193,21 +257,16 @@ void CloudSliceParams::validate() const {
   }
 }
 
-void CloudTimeRange::add(double time_s) {
-  valid_ = valid_ && std::abs(time_s) <= kMaxTime_s;
-  if (!times_) times_ = {time_s, time_s};
-  times_ = {std::min(times_->first_s, time_s), std::max(times_->last_s, time_s)};
-}
-
-std::optional<CloudTimes> CloudTimeRange::times() const {
-  if (!valid_) return std::nullopt;
-  return times_.value_or(CloudTimes{});
-}
-
 std::optional<CloudTimes> times_of(const Cloud& cloud) {
-  CloudTimeRange range;
-  for (const CloudPoint& point : cloud.points) range.add(point.time_s);
-  return range.times();
+  if (cloud.points.empty()) return CloudTimes{};
+  CloudTimes times{kInfinity, -kInfinity};
+  for (const CloudPoint& point : cloud.points) {
+    if (std::isnan(point.time_s)) continue;
+    times = {std::min(times.first_s, static_cast<double>(point.time_s)),
+             std::max(times.last_s, static_cast<double>(point.time_s))};
+  }
+  const bool are_valid = std::abs(times.first_s) <= kMaxTime_s && std::abs(times.last_s) <= kMaxTime_s;
+  return are_valid ? std::optional(times) : std::nullopt;
 }
 
 CloudSlice slice_cloud(const Cloud& cloud, const Eigen::Isometry3d& T_world_sensor,
@@ -229,11 +288,21 @@ CloudSlice slice_cloud(const Cloud& cloud, const Eigen::Isometry3d& T_world_sens
   work.bearings.assign(n, nothing_known);
   work.measurements.clear();
 
+  std::size_t untimed_returns = 0;
+  LineTimes line_times;
+  const auto is_untimed = [](const CloudPoint& point) { return std::isnan(point.time_s); };
+  const bool has_untimed = valid_times && std::any_of(cloud.points.begin(), cloud.points.end(), is_untimed);
+  if (has_untimed && work.directions.known()) line_times.learn(cloud);
   for (std::size_t place = 0; place < cloud.points.size(); ++place) {
     const CloudPoint& point = cloud.points[place];
-    const bool has_return = is_return(point);
+    const bool has_return = is_return(point), has_no_time = has_untimed && is_untimed(point);
     if (!has_return && !work.directions.known()) continue;
-    const Eigen::Isometry3d& T_level_sensor = work.to_level.T_level_sensor(point.time_s);
+    if (has_return && has_no_time) {
+      ++untimed_returns;
+      continue;
+    }
+    const double time_s = !valid_times ? 0.0 : has_no_time ? line_times.at(place) : point.time_s;
+    const Eigen::Isometry3d& T_level_sensor = work.to_level.T_level_sensor(time_s);
     const Eigen::Vector3d ray_level =
         T_level_sensor.linear() * (has_return ? position_sensor(point) : work.directions.at(place));
     const Eigen::Vector3d p_level = ray_level + T_level_sensor.translation();
@@ -246,7 +315,7 @@ CloudSlice slice_cloud(const Cloud& cloud, const Eigen::Isometry3d& T_world_sens
     const double at = bearings_to(has_return ? p_level : ray_level, n);
     const std::size_t i = static_cast<std::size_t>(std::lround(at)) % n;
     Bearing& bearing = work.bearings[i];
-    bearing.first_s = std::min(bearing.first_s, static_cast<double>(point.time_s));
+    bearing.first_s = std::min(bearing.first_s, time_s);
     if (is_hit) bearing.nearest_m = std::min(bearing.nearest_m, range_m);
     work.measurements.push_back({i, std::abs(at - std::round(at)), reach_m, is_hit, point.intensity});
   }
@@ -256,6 +325,8 @@ CloudSlice slice_cloud(const Cloud& cloud, const Eigen::Isometry3d& T_world_sens
   CloudSlice slice = std::move(memory);
   slice.T_world_level = work.to_level.T_world_level();
   slice.times_valid = valid_times.has_value();
+  slice.duration_s = times.last_s - times.first_s;
+  slice.untimed_returns = untimed_returns;
   Scan& scan = slice.scan;
   scan.stamp_ns = cloud.stamp_ns + nanoseconds(times.first_s);
   const double increment_rad = 2.0 * kPi / static_cast<double>(n);
@@ -265,6 +336,31 @@ CloudSlice slice_cloud(const Cloud& cloud, const Eigen::Isometry3d& T_world_sens
   scan.beams.clear();
   for (std::size_t k = 0; k < n; ++k) scan.beams.push_back(beam_of(work.bearings[sweep.bearing(k, n)], params));
   return slice;
+}
+
+bool UntimedMotion::add(const CloudSlice& slice, const Eigen::Isometry3d& T_world_sensor,
+                        const CloudSliceParams& params) {
+  const Scan& scan = slice.scan;
+  const double period_s = stamp_ns_ ? seconds_between(*stamp_ns_, scan.stamp_ns) : 0.0;
+  const Eigen::Isometry3d T_before_now = T_world_sensor_.inverse() * T_world_sensor;
+  stamp_ns_ = scan.stamp_ns;
+  T_world_sensor_ = T_world_sensor;
+  if (slice.duration_s > 0.0 || !(period_s > 0.0 && period_s <= kMaxTime_s)) return false;
+  double sum_m = 0.0;
+  std::size_t hits = 0, known = 0;
+  for (const Beam& beam : scan.beams) {
+    known += beam.state != BeamState::kInvalid ? 1 : 0;
+    if (beam.state != BeamState::kHit) continue;
+    sum_m += beam.range_m;
+    ++hits;
+  }
+  if (hits == 0 || 2 * known < scan.beams.size()) return false;  // a camera sees all at once
+  const double angle_rad = Eigen::AngleAxisd(T_before_now.linear()).angle();
+  const double off_m = T_before_now.translation().norm() + angle_rad * sum_m / static_cast<double>(hits);
+  if (off_m <= params.max_depth_m) return false;
+  ++clouds_;
+  most_m_ = std::max(most_m_, off_m);
+  return true;
 }
 
 }  // namespace situation_awareness

@@ -183,15 +183,26 @@ class CloudTest(unittest.TestCase):
         self.clouds.publish(self.good())
         wait_until(lambda: self.diagnostics.count("slicing", key) > 0, 5.0, f"'{key}'")
 
-    def test_4_times_that_cannot_be(self):
+    def timed(self, times):
+        """A good cloud whose times are `times`(0 for each point)."""
+        points = np.pad(camera_points(), ((0, 0), (0, 0), (0, 1)))
+        points[..., 3] = times(points[..., 3])
         msg = self.good()
         msg.fields.append(PointField("time", 12, PointField.FLOAT32, 1))
-        points = np.pad(camera_points(), ((0, 0), (0, 0), (0, 1)))
-        points[3, 4, 3] = 1e9
         msg.data = points.astype("<f4").tobytes()
-        self.publish(msg)
-        wait_until(lambda: msg.header.stamp in self.map.stamps(), 5.0, "the map")
-        wait_until(lambda: self.diagnostics.count("slicing", "times of points ignored") > 0, 5.0, "the count")
+        return msg
+
+    def test_4_times_that_cannot_be(self):
+        def one_late(times):
+            times[90, 80] = 1e9  # where the floor is
+            return times
+        for times, key in ((one_late, "dropped points without a time"),
+                           (lambda times: np.random.default_rng(1).normal(times, 1e6), "times of points ignored")):
+            msg = self.timed(times)
+            self.publish(msg)
+            wait_until(lambda: msg.header.stamp in self.map.stamps(), 5.0, "the map")
+            wait_until(lambda: self.diagnostics.count("slicing", key) == 1, 5.0, "the count")
+        self.assertIn("times of points cannot be used", self.diagnostics.summary("slicing"))
 
     def test_5_afterwards_it_maps(self):
         self.assertTrue(rosnode.rosnode_ping("/map_manager", max_count=1), "the manager lives")

@@ -3,7 +3,9 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <functional>
 #include <limits>
 #include <stdexcept>
@@ -329,6 +331,90 @@ TEST(CloudSlice, TakesEveryPointAtItsOwnTime) {
       EXPECT_GT(hits, 50);
     }
   }
+}
+
+// Drivers have no time, or any, where there is no return: what such measurements see free is as with good times.
+TEST(CloudSlice, TimesOfPointsWithoutAReturnDoNotMatter) {
+  const Scene scene = some_cylinders();
+  const PoseAt moving = [](double time_s) { return pose(2.0 * time_s, 0.0, 1.5, 0.0, 0.0, 1.1 * time_s); };
+  const Cloud good = ring_cloud(scene, moving, 0.1);
+  Cloud without = good;
+  std::size_t returns = 0;
+  for (CloudPoint& point : without.points) {
+    if (is_return(point)) {
+      ++returns;
+    } else {
+      point.time_s = std::nanf("");
+    }
+  }
+  ASSERT_LT(returns, good.points.size());
+  const CloudTimes times = times_of(without).value();
+  const CloudSlice of_good = slice_cloud(good, moving(0.0), moving(0.1), {});
+  const CloudSlice slice = slice_cloud(without, moving(times.first_s), moving(times.last_s), {});
+  EXPECT_TRUE(slice.times_valid);
+  EXPECT_EQ(slice.untimed_returns, 0U);
+  std::size_t hits = 0;
+  for (std::size_t i = 0; i < slice.scan.beams.size(); ++i) {
+    if (slice.scan.beams[i].state != BeamState::kHit) continue;
+    ++hits;
+    EXPECT_LT(scene.distance_m(hit_world(slice, i)), 0.5 * slice.scan.beams[i].range_m * radians(0.4) + 6e-3);
+  }
+  const auto count = [](const Scan& scan, BeamState state) {
+    return static_cast<double>(
+        std::count_if(scan.beams.begin(), scan.beams.end(), [state](const Beam& beam) { return beam.state == state; }));
+  };
+  EXPECT_NEAR(static_cast<double>(hits), count(of_good.scan, BeamState::kHit), 3.0);
+  EXPECT_NEAR(count(slice.scan, BeamState::kFree), count(of_good.scan, BeamState::kFree), 0.05 * kColumns);
+}
+
+TEST(CloudSlice, ReturnsWithoutATimeAreLeftOut) {
+  const Scene scene = some_cylinders();
+  const PoseAt moving = [](double time_s) { return pose(2.0 * time_s, 0.0, 1.5, 0.0, 0.0, 1.1 * time_s); };
+  Cloud cloud = ring_cloud(scene, moving, 0.1);
+  const CloudSlice before = slice_cloud(cloud, moving(0.0), moving(0.1), {});
+  std::size_t untimed = 0;
+  for (std::size_t i = 0; i < cloud.points.size() && untimed < 3; i += 61) {
+    if (!is_return(cloud.points[i])) continue;
+    cloud.points[i].time_s = std::nanf("");
+    ++untimed;
+  }
+  const CloudSlice slice = slice_cloud(cloud, moving(0.0), moving(0.1), {});
+  EXPECT_TRUE(slice.times_valid);
+  EXPECT_EQ(slice.untimed_returns, 3U);
+  EXPECT_NEAR(slice.duration_s, 0.1, 1e-6);
+  std::size_t other = 0;
+  for (std::size_t i = 0; i < slice.scan.beams.size(); ++i) {
+    other += std::abs(slice.scan.beams[i].range_m - before.scan.beams[i].range_m) > 1e-3F ? 1 : 0;
+  }
+  EXPECT_LE(other, 3U);
+}
+
+TEST(UntimedMotion, IsOfSweepsWithoutTimesAlone) {
+  const Scene scene = some_cylinders();
+  const auto clouds_off = [&](double sweep_s, double speed_m_s, double rate_rad_s, bool is_camera) {
+    UntimedMotion motion;
+    for (int k = 0; k < 5; ++k) {
+      const PoseAt moving = [&](double time_s) {
+        return pose(speed_m_s * (0.1 * k + time_s), 0.0, 1.5, 0.0, 0.0, rate_rad_s * (0.1 * k + time_s));
+      };
+      Cloud cloud = ring_cloud(scene, moving, sweep_s);
+      cloud.stamp_ns += 100'000'000 * k;
+      if (is_camera) {
+        for (CloudPoint& point : cloud.points) {
+          if (!(point.x_m > 0.0F)) point = {};
+        }
+        cloud = without_structure(cloud);
+      }
+      motion.add(slice_cloud(cloud, moving(0.0), moving(sweep_s), {}), moving(0.0), {});
+    }
+    return motion;
+  };
+  EXPECT_EQ(clouds_off(0.0, 2.0, 0.0, false).clouds(), 4U);
+  EXPECT_NEAR(clouds_off(0.0, 2.0, 0.0, false).most_m(), 0.2, 1e-6);
+  EXPECT_EQ(clouds_off(0.0, 0.0, 1.0, false).clouds(), 4U);
+  EXPECT_EQ(clouds_off(0.0, 0.1, 0.001, false).clouds(), 0U);
+  EXPECT_EQ(clouds_off(0.1, 2.0, 1.0, false).clouds(), 0U);
+  EXPECT_EQ(clouds_off(0.0, 2.0, 1.0, true).clouds(), 0U);
 }
 
 TEST(CloudSlice, WithoutASweepHasNoTimes) {

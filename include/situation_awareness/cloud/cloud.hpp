@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <limits>
@@ -16,8 +17,14 @@ struct CloudPoint {
   float z_m = std::numeric_limits<float>::quiet_NaN();
   float intensity = std::numeric_limits<float>::quiet_NaN();  ///< in the sensor's own units; NaN where there is none
   std::uint16_t ring = 0;                                     ///< laser or row of the sensor
-  float time_s = 0.0F;                                        ///< time of the measurement after the cloud's stamp
+  float time_s = 0.0F;  ///< time of the measurement after the cloud's stamp; NaN: not known
 };
+
+/// False also for zeros, which some drivers send where there is no return.
+inline bool is_return(const CloudPoint& point) {
+  return std::isfinite(point.x_m) && std::isfinite(point.y_m) && std::isfinite(point.z_m) &&
+         (point.x_m != 0.0F || point.y_m != 0.0F || point.z_m != 0.0F);
+}
 
 /// The measurements of a 3D LIDAR in one revolution, or of a depth camera in one image.
 ///

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <cstddef>
+#include <cstdint>
 #include <optional>
 
 #include <Eigen/Geometry>
@@ -47,20 +49,8 @@ struct CloudTimes {
   double last_s = 0.0;
 };
 
-/// The first and the last of times that are added one by one.
-class CloudTimeRange {
- public:
-  void add(double time_s);
-
-  /// None if a time was not finite, or more than a second from the stamp. Both 0 if there was none.
-  std::optional<CloudTimes> times() const;
-
- private:
-  std::optional<CloudTimes> times_;
-  bool valid_ = true;
-};
-
-/// As CloudTimeRange has them.
+/// Of the times that are known (not NaN). None if none is, or one is more than a second from the stamp. Both 0 for a
+/// cloud without points.
 std::optional<CloudTimes> times_of(const Cloud& cloud);
 
 /// A scan in a level frame: origin at the sensor when it took the first measurement, z up, x the sensor's x axis turned
@@ -68,7 +58,9 @@ std::optional<CloudTimes> times_of(const Cloud& cloud);
 struct CloudSlice {
   Scan scan;
   Eigen::Isometry3d T_world_level = Eigen::Isometry3d::Identity();
-  bool times_valid = true;  ///< else all measurements were taken for those of one instant (times_of)
+  bool times_valid = true;          ///< else all measurements were taken for those of one instant (times_of)
+  double duration_s = 0.0;          ///< from the first to the last measurement; 0: of one instant
+  std::size_t untimed_returns = 0;  ///< left out, since their times are not known where others are
 };
 
 /// The horizontal slice of a cloud through its sensor (docs/math/cloud.md).
@@ -78,7 +70,8 @@ struct CloudSlice {
 /// middle of each bearing. A bearing without one is free if a measurement stayed in the slice as far as max_range_m,
 /// and else unknown (kInvalid): the sensor did not look there, or only above and below. Measurements without a return
 /// are known of structured clouds alone, whose directions follow from those of the returns in the same row and column.
-/// Times that cannot be are taken for one instant.
+/// Times that cannot be are taken for one instant. A return whose own time is not known (NaN) is left out; a
+/// measurement without one was when the one before it in its row was.
 ///
 /// The beams go all around, in the order of their times where the sensor sweeps around; else counter-clockwise and
 /// without times. Throws std::invalid_argument if the cloud has not rows * columns points, or a pose is not finite.
@@ -86,5 +79,22 @@ struct CloudSlice {
 CloudSlice slice_cloud(const Cloud& cloud, const Eigen::Isometry3d& T_world_sensor,
                        const Eigen::Isometry3d& T_world_sensor_end, const CloudSliceParams& params,
                        CloudSlice memory = {});
+
+/// By how much the hits of clouds are off whose points have no times, while the sensor that sweeps around moves.
+class UntimedMotion {
+ public:
+  /// Adds the slice of the sensor's next cloud. True if it is off by more than max_depth_m: a surface seen twice is
+  /// two.
+  bool add(const CloudSlice& slice, const Eigen::Isometry3d& T_world_sensor, const CloudSliceParams& params);
+
+  std::size_t clouds() const { return clouds_; }
+  double most_m() const { return most_m_; }
+
+ private:
+  std::optional<std::int64_t> stamp_ns_;
+  Eigen::Isometry3d T_world_sensor_ = Eigen::Isometry3d::Identity();  ///< of the cloud before
+  std::size_t clouds_ = 0;                                            ///< that are off
+  double most_m_ = 0.0;
+};
 
 }  // namespace situation_awareness

@@ -88,12 +88,17 @@ const PointField* find_field(const sensor_msgs::PointCloud2& msg, const char* na
 }
 
 const PointField* find_time_field(const sensor_msgs::PointCloud2& msg) {
-  for (const char* name : {"time", "t", "timestamp", "offset_time"}) {
-    const PointField* field =
-        find_field(msg, name, {PointField::FLOAT32, PointField::FLOAT64, PointField::INT32, PointField::UINT32});
+  for (const char* name : {"time", "t", "timestamp", "offset_time", "time_stamp"}) {
+    const PointField* field = find_field(msg, name,
+                                         {PointField::FLOAT32, PointField::FLOAT64, PointField::INT16,
+                                          PointField::UINT16, PointField::INT32, PointField::UINT32});
     if (field != nullptr) return field;
   }
   return nullptr;
+}
+
+bool is_whole(const PointField& field) {
+  return field.datatype != PointField::FLOAT32 && field.datatype != PointField::FLOAT64;
 }
 
 template <class Number>
@@ -103,26 +108,39 @@ double number_at(const std::uint8_t* from) {
   return static_cast<double>(number);
 }
 
-/// Seconds after the stamp.
-double time_s(const std::uint8_t* from, std::uint8_t type, double stamp_s) {
-  if (type == PointField::UINT32) return 1e-9 * number_at<std::uint32_t>(from);
-  if (type == PointField::INT32) return 1e-9 * number_at<std::int32_t>(from);
-  if (type == PointField::FLOAT32) return number_at<float>(from);
-  const double value = number_at<double>(from);
-  if (value < 1e6) return value;                           // after the stamp
-  return (value < 1e15 ? value : 1e-9 * value) - stamp_s;  // s or ns of the clock
+double number_at(const std::uint8_t* from, std::uint8_t type) {
+  switch (type) {
+    case PointField::INT16:
+      return number_at<std::int16_t>(from);
+    case PointField::UINT16:
+      return number_at<std::uint16_t>(from);
+    case PointField::INT32:
+      return number_at<std::int32_t>(from);
+    case PointField::UINT32:
+      return number_at<std::uint32_t>(from);
+    case PointField::FLOAT32:
+      return number_at<float>(from);
+    default:
+      return number_at<double>(from);
+  }
 }
 
-/// Calls visit(time_s) with the time of every point, after the stamp, if the message has times.
+/// Some drivers leave it out.
+std::size_t row_step_of(const sensor_msgs::PointCloud2& msg) {
+  return msg.row_step != 0 ? msg.row_step : std::size_t{msg.width} * msg.point_step;
+}
+
+const std::uint8_t* point_of(const sensor_msgs::PointCloud2& msg, std::size_t place) {
+  return msg.data.data() + place / msg.width * row_step_of(msg) + place % msg.width * msg.point_step;
+}
+
+/// Calls visit(number) with that of every point in the field.
 template <class Visit>
-void for_each_time(const sensor_msgs::PointCloud2& msg, Visit&& visit) {
-  const PointField* field = find_time_field(msg);
-  if (field == nullptr) return;
-  const double stamp_s = msg.header.stamp.toSec();
+void for_each_number(const sensor_msgs::PointCloud2& msg, const PointField& field, Visit&& visit) {
   for (std::size_t row = 0; row < msg.height; ++row) {
-    const std::uint8_t* from = msg.data.data() + row * msg.row_step + field->offset;
+    const std::uint8_t* from = msg.data.data() + row * row_step_of(msg) + field.offset;
     for (std::size_t column = 0; column < msg.width; ++column, from += msg.point_step) {
-      visit(static_cast<float>(time_s(from, field->datatype, stamp_s)));
+      visit(number_at(from, field.datatype));
     }
   }
 }
@@ -133,7 +151,13 @@ float intensity_of(const pcl::PointXYZI& point) { return point.intensity; }
 template <class Point>
 void take_points(const sensor_msgs::PointCloud2& msg, std::vector<CloudPoint>& points) {
   pcl::PointCloud<Point> from;
-  pcl::fromROSMsg(msg, from);
+  if (msg.row_step != 0) {
+    pcl::fromROSMsg(msg, from);
+  } else {
+    sensor_msgs::PointCloud2 whole = msg;
+    whole.row_step = static_cast<std::uint32_t>(row_step_of(msg));
+    pcl::fromROSMsg(whole, from);
+  }
   points.reserve(from.size());
   for (const Point& point : from) points.push_back({point.x, point.y, point.z, intensity_of(point)});
 }
@@ -154,26 +178,54 @@ std::string cloud_msg_defect(const sensor_msgs::PointCloud2& msg) {
   for (const char* name : {"x", "y", "z"}) {
     if (find_field(msg, name, {PointField::FLOAT32}) == nullptr) return bad + "x, y, z are not float32";
   }
-  if (std::uint64_t{msg.width} * msg.point_step > msg.row_step ||
-      std::uint64_t{msg.height} * msg.row_step > msg.data.size()) {
+  const std::uint64_t row_step = msg.row_step != 0 ? msg.row_step : std::uint64_t{msg.width} * msg.point_step;
+  if (std::uint64_t{msg.width} * msg.point_step > row_step || row_step > std::numeric_limits<std::uint32_t>::max() ||
+      std::uint64_t{msg.height} * row_step > msg.data.size()) {
     return bad + "less data than points";
   }
   return "";
 }
 
-std::optional<CloudTimes> cloud_msg_times(const sensor_msgs::PointCloud2& msg) {
-  CloudTimeRange range;
-  for_each_time(msg, [&range](float time_s) { range.add(time_s); });
-  return range.times();
+CloudMsgTimes cloud_msg_times(const sensor_msgs::PointCloud2& msg, CloudTimeReader& reader) {
+  const PointField* const field = find_time_field(msg);
+  if (field == nullptr) return {};
+  std::vector<double> numbers;
+  numbers.reserve(std::size_t{msg.width} * msg.height);
+  for_each_number(msg, *field, [&numbers](double number) { numbers.push_back(number); });
+  const std::uint32_t at[] = {find_field(msg, "x", {PointField::FLOAT32})->offset,
+                              find_field(msg, "y", {PointField::FLOAT32})->offset,
+                              find_field(msg, "z", {PointField::FLOAT32})->offset};
+  const auto has_return = [&](std::size_t place) {
+    const std::uint8_t* const from = point_of(msg, place);
+    const auto value = [&](int i) { return static_cast<float>(number_at<float>(from + at[i])); };
+    return is_return({value(0), value(1), value(2)});
+  };
+  return {true, reader.read(numbers, has_return, is_whole(*field), to_nanoseconds(msg.header.stamp))};
 }
 
-Taken taken(const sensor_msgs::PointCloud2& msg, bool deskew) {
-  const CloudTimes times = cloud_msg_times(msg).value_or(CloudTimes{});
+CloudTimes CloudMsgTimes::times() const {
+  if (!scale) return {};
+  const CloudTimes times = scale->times();
+  return {static_cast<float>(times.first_s), static_cast<float>(times.last_s)};
+}
+
+Taken taken(const sensor_msgs::PointCloud2& msg, const CloudMsgTimes& msg_times, bool deskew) {
+  const CloudTimes times = msg_times.times();
   const auto at = [&](double time_s) { return to_ros_time(to_nanoseconds(msg.header.stamp) + nanoseconds(time_s)); };
   return {tf2_frame(msg.header.frame_id), at(times.first_s), at(deskew ? times.last_s : times.first_s)};
 }
 
+Taken taken(const sensor_msgs::PointCloud2& msg, bool deskew) {
+  CloudTimeReader reader;
+  return taken(msg, cloud_msg_times(msg, reader), deskew);
+}
+
 Cloud cloud_from_msg(const sensor_msgs::PointCloud2& msg) {
+  CloudTimeReader reader;
+  return cloud_from_msg(msg, cloud_msg_times(msg, reader));
+}
+
+Cloud cloud_from_msg(const sensor_msgs::PointCloud2& msg, const CloudMsgTimes& times) {
   Cloud cloud;
   cloud.stamp_ns = to_nanoseconds(msg.header.stamp);
   cloud.rows = msg.height;
@@ -184,8 +236,12 @@ Cloud cloud_from_msg(const sensor_msgs::PointCloud2& msg) {
   } else {
     take_points<pcl::PointXYZ>(msg, cloud.points);
   }
+  if (!times.has_field) return cloud;
+  const CloudTimeScale no_times{0.0, 0.0, 1.0, 0.0};
+  const CloudTimeScale& scale = times.scale ? *times.scale : no_times;
   auto point = cloud.points.begin();
-  for_each_time(msg, [&point](float time_s) { (point++)->time_s = time_s; });
+  for_each_number(msg, *find_time_field(msg),
+                  [&](double number) { (point++)->time_s = static_cast<float>(scale.time_s(number)); });
   return cloud;
 }
 

@@ -9,6 +9,7 @@
 #include "situation_awareness/cloud/cloud.hpp"
 #include "situation_awareness/ros/transform_queue.hpp"
 #include "situation_awareness/scan/cloud_slice.hpp"
+#include "situation_awareness/scan/cloud_times.hpp"
 
 namespace situation_awareness {
 
@@ -20,17 +21,24 @@ sensor_msgs::PointCloud2 cloud_to_msg(const Cloud& cloud, const std::string& sen
 /// counted.
 std::string cloud_msg_defect(const sensor_msgs::PointCloud2& msg);
 
-/// When the first and the last point of a cloud without a defect were taken, after its stamp. From the first of the
-/// fields that drivers have for it: time, t, timestamp, offset_time; whole numbers are ns after the stamp, others s
-/// after it or, where that cannot be, s or ns of the clock. Both 0 without such a field; none where what it says cannot
-/// be: not finite, or more than a second from the stamp.
-std::optional<CloudTimes> cloud_msg_times(const sensor_msgs::PointCloud2& msg);
+/// What a cloud without a defect says of the times of its points.
+struct CloudMsgTimes {
+  bool has_field = false;               ///< one of those that drivers have: time, t, timestamp, offset_time, time_stamp
+  std::optional<CloudTimeScale> scale;  ///< none without a field, and where it cannot be one of times
+
+  CloudTimes times() const;  ///< of the cloud that is made of the message
+};
+
+/// `reader`: of the clouds of one sensor, in order.
+CloudMsgTimes cloud_msg_times(const sensor_msgs::PointCloud2& msg, CloudTimeReader& reader);
 
 /// By the times of its points, or its stamp alone.
-Taken taken(const sensor_msgs::PointCloud2& msg, bool deskew);
+Taken taken(const sensor_msgs::PointCloud2& msg, const CloudMsgTimes& times, bool deskew);
+Taken taken(const sensor_msgs::PointCloud2& msg, bool deskew);  // as the first of its sensor
 
-/// A cloud without a defect, structured where the message is. Times are taken as they are, also those that times_of
-/// refuses; intensities that are not float32 are left out.
-Cloud cloud_from_msg(const sensor_msgs::PointCloud2& msg);
+/// A cloud without a defect, structured where the message is. Times that are none are NaN, without a field all are 0;
+/// intensities that are not float32 are left out.
+Cloud cloud_from_msg(const sensor_msgs::PointCloud2& msg, const CloudMsgTimes& times);
+Cloud cloud_from_msg(const sensor_msgs::PointCloud2& msg);  // as the first of its sensor
 
 }  // namespace situation_awareness
