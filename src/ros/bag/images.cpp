@@ -175,7 +175,7 @@ BagImages::BagImages(BagPlayer& player, const BagOptions& bag, const ImageOption
           return defect;
         });
   };
-  const std::string topic = topic_of(options), compressed = compressed_topic(bag.bag, topic);
+  const std::string topic = topic_of(options), compressed = compressed_topic(bag, topic);
   if (compressed.empty()) {
     player.subscribe_measurements<sensor_msgs::Image>(topic, "images", take);
   } else {

@@ -2,6 +2,7 @@
 // From a recorded bag to one map of all that is around, without a roscore, as fast as possible.
 #include <algorithm>
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <string>
 #include <utility>
@@ -64,7 +65,7 @@ constexpr double kTfSigma_rad = 0.01;
 
 struct Options {
   BagOptions bag;
-  std::string scan_topic = "/scan", lidar_frame, pose = "tf", out, load_map, save_map;
+  std::string scan_topic = "/scan", cloud_topic, lidar_frame, pose = "tf", out, load_map, save_map;
   std::vector<std::string> kinds = {"objects", "polygons", "splinegons"};
   ReflectorOptions reflectors;
   NavigationOptions navigation;
@@ -90,7 +91,9 @@ void add_options(CommandLine& app, Options& options) {
       .take_all();
   text("--pose", options.pose, "SOURCE", "tf, reflectors with odometry, or gps with an IMU")
       .check(one_of({"tf", "reflectors", "gps"}));
-  text("--scan-topic", options.scan_topic, "TOPIC", "sensor_msgs/LaserScan");
+  const CommandLineOption scans = text("--scan-topic", options.scan_topic, "TOPIC", "sensor_msgs/LaserScan");
+  text("--cloud-topic", options.cloud_topic, "TOPIC", "sensor_msgs/PointCloud2, in place of scans: its level slice")
+      .excludes(scans);
   text("--lidar-frame", options.lidar_frame, "FRAME", "of the scanner (default: that of its messages)");
   add_reflector_options(app, options.reflectors);
   add_navigation_options(app, options.navigation);
@@ -107,6 +110,9 @@ void add_options(CommandLine& app, Options& options) {
     if (options.has("grid") && options.images.dem.empty()) throw option_required("--dem");
     if (options.has("grid") && options.pose != "tf") {
       throw CommandLineError("images are mapped with --pose tf: their poses are those of /tf");
+    }
+    if (!options.cloud_topic.empty() && options.pose != "tf") {
+      throw CommandLineError("clouds are mapped with --pose tf: scans alone have the other poses");
     }
   });
 }
@@ -255,8 +261,8 @@ void map_by_tf(const Options& options, const Params& params) {
   pose.covariance.diagonal() << kTfSigma_m * kTfSigma_m, kTfSigma_m * kTfSigma_m, kTfSigma_rad * kTfSigma_rad;
   player.on_restart([&pipeline] { pipeline.begin_anew(); });
   if (options.has_scans()) {
-    subscribe_scans(
-        player, options.scan_topic, params.bag.map.layers.scan,
+    subscribe_scans_or_clouds(
+        player, options.scan_topic, options.cloud_topic, params.bag.map.layers.scan, params.objects.cloud,
         [&](const Scan& scan, const auto& T_world_lidar, const auto& T_end) {
           const MapDelta& update = player.timed(
               [&]() -> const MapDelta& { return pipeline.process(scan, T_world_lidar, T_end, pose.covariance); });

@@ -51,7 +51,7 @@ constexpr double kTfSigma_rad = 0.01;
 
 struct Options {
   BagOptions bag;
-  std::string scan_topic = "/scan";
+  std::string scan_topic = "/scan", cloud_topic;
   ReflectorOptions reflectors;
   std::string localization = "reflectors";
   std::string out, model_folder;
@@ -65,7 +65,9 @@ void add_options(CommandLine& app, Options& options) {
   const auto text = [&app](const char* name, std::string& value, const char* type, const char* what) {
     return app.add_option(name, value, what).type_name(type);
   };
-  text("--scan-topic", options.scan_topic, "TOPIC", "sensor_msgs/LaserScan");
+  const CommandLineOption scans = text("--scan-topic", options.scan_topic, "TOPIC", "sensor_msgs/LaserScan");
+  text("--cloud-topic", options.cloud_topic, "TOPIC", "sensor_msgs/PointCloud2, in place of scans: its level slice")
+      .excludes(scans);
   add_reflector_options(app, options.reflectors);
   text("--localization", options.localization, "KIND", "reflectors, or tf: the pose in the world is that of /tf")
       .check(one_of({"reflectors", "tf"}));
@@ -78,7 +80,12 @@ void add_options(CommandLine& app, Options& options) {
       .check(in_range(0.0, 1e9))
       .needs(changes);
   text("--model-folder", options.model_folder, "DIR", "folder of relative models (default: models/ of this package)");
-  app.callback([&options] { check_reflector_options(options.reflectors, options.localization == "reflectors"); });
+  app.callback([&options] {
+    check_reflector_options(options.reflectors, options.localization == "reflectors");
+    if (!options.cloud_topic.empty() && options.localization != "tf") {
+      throw CommandLineError("clouds are mapped with --localization tf: reflectors are seen in scans");
+    }
+  });
 }
 
 /// A polyline's numbers are written as they are, or rounded to six decimals.
@@ -151,6 +158,7 @@ class Output {
 struct Params {
   PolygonPipelineParams polygons;
   std::optional<ObjectPipelineParams> objects;
+  CloudSliceParams cloud;
 };
 
 Params read_params(const Options& options) {
@@ -158,6 +166,7 @@ Params read_params(const Options& options) {
   ObjectPipelineParams objects;
   params.polygons = params_with_objects<PolygonPipelineParams>(config_path(options.bag, kConfig), options.model_folder,
                                                                options.objects, objects);
+  params.cloud = objects.cloud;
   if (options.objects) params.objects = objects;
   return params;
 }
@@ -181,7 +190,7 @@ void map_by_tf(const Options& options, const Params& params, const OdometryFrame
         frames.base.empty() ? Eigen::Isometry3d(T_world_lidar) : player.T_world_base_at(scan.stamp_ns);
     out.write(scan, pose2_of(T_world_base), covariance, pipeline);
   };
-  subscribe_scans(player, options.scan_topic, params.polygons.scan, use);
+  subscribe_scans_or_clouds(player, options.scan_topic, options.cloud_topic, params.polygons.scan, params.cloud, use);
   player.play();
   player.print_summary();
   print_movers(pipeline);

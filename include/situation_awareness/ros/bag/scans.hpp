@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <cstddef>
 #include <functional>
 #include <memory>
 #include <string>
@@ -9,6 +10,7 @@
 
 #include "situation_awareness/pipeline/scanner_check.hpp"
 #include "situation_awareness/ros/bag/bag_player.hpp"
+#include "situation_awareness/scan/cloud_slice.hpp"
 #include "situation_awareness/scan/range_limiter.hpp"
 #include "situation_awareness/scan/scan.hpp"
 
@@ -24,5 +26,19 @@ using UseScan = std::function<void(const Scan& scan, const Eigen::Isometry3d& T_
 std::shared_ptr<const ScannerCheck> subscribe_scans(BagPlayer& player, const std::string& topic,
                                                     const RangeLimiterParams& params, UseScan use,
                                                     const std::string& lidar_frame = {});
+
+/// The same with the clouds of a topic, of which scans are made as the nodelet slicing does: they are as of a scanner
+/// that stands still in its level frame. The summary warns of what the times of points lack, too.
+std::shared_ptr<const ScannerCheck> subscribe_clouds(BagPlayer& player, const std::string& topic,
+                                                     const RangeLimiterParams& params,
+                                                     const CloudSliceParams& cloud_params, UseScan use,
+                                                     const std::string& lidar_frame = {});
+
+/// The clouds of a topic, or the scans of another where that of clouds is empty.
+std::shared_ptr<const ScannerCheck> subscribe_scans_or_clouds(BagPlayer& player, const std::string& scan_topic,
+                                                              const std::string& cloud_topic,
+                                                              const RangeLimiterParams& params,
+                                                              const CloudSliceParams& cloud_params, UseScan use,
+                                                              const std::string& lidar_frame = {});
 
 }  // namespace situation_awareness
