@@ -19,8 +19,10 @@
 namespace situation_awareness {
 namespace {
 
-constexpr double kMostScale = 2.0;       ///< width and height of the result, in those of the image
-constexpr int kBorderPoints = 64;        ///< on each side of the image
+constexpr double kMostScale = 2.0;  ///< width and height of the result, in those of the image
+constexpr int kBorderPoints = 64;   ///< on each side of the image
+constexpr double kUnknown = -1e6;   ///< x and y of what cv::fisheye::undistortPoints does not know
+constexpr double kFar = 1e3;
 constexpr float kOutside = -1e4F;        ///< where the result shows nothing of the image
 constexpr double kSameDirection_px = 1;  ///< there and back again
 
@@ -86,9 +88,14 @@ std::optional<PinholeCamera> camera_around(const PinholeCamera& camera, const Le
     const double v = static_cast<double>(i) / kBorderPoints * camera.height - 0.5;
     border.insert(border.end(), {{u, -0.5}, {u, camera.height - 0.5}, {-0.5, v}, {camera.width - 0.5, v}});
   }
-  double left = kMostScale * camera.width, right = -left, top = kMostScale * camera.height, bottom = -top;
-  for (const cv::Point2d& p : lens.undistorted(border, camera)) {
-    if (!std::isfinite(p.x) || !std::isfinite(p.y) || p.x < -1e5 || p.y < -1e5) continue;  // as OpenCV says unknown
+  const std::vector<cv::Point2d> directions = lens.undistorted(border, camera);
+  double left = camera.cx_px, right = left, top = camera.cy_px, bottom = top;
+  for (std::size_t i = 0; i < border.size(); ++i) {
+    const bool is_known =
+        std::isfinite(directions[i].x) && std::isfinite(directions[i].y) && directions[i].x != kUnknown;
+    // A fisheye also looks aside and behind.
+    const cv::Point2d away = kFar * (border[i] - cv::Point2d(camera.cx_px, camera.cy_px));
+    const cv::Point2d p = is_known ? directions[i] : away;
     left = std::min(left, p.x);
     right = std::max(right, p.x);
     top = std::min(top, p.y);

@@ -11,6 +11,7 @@
 
 #include <Eigen/Geometry>
 
+#include "situation_awareness/geometry/angles.hpp"
 #include "support/refusal.hpp"
 
 namespace situation_awareness::undistortion_test {
@@ -114,6 +115,33 @@ TEST(Undistortion, HoldsTheWholeImage) {
       EXPECT_FALSE(std::isnan(labels.probability[static_cast<std::size_t>(v * labels.camera.width + u)]));
     }
   }
+}
+
+// Of a fisheye that sees more than a half of all directions the rectified image has what is ahead.
+TEST(Undistortion, OfAWideFisheyeIsWhatIsAhead) {
+  const LensDistortion distortion = lens(Model::kEquidistant, {0.0, 0.0, 0.0, 0.0});
+  SoftLabels labels;
+  labels.camera = {121, 121, 35.0, 35.0, 60.0, 60.0};  // 98 degrees to each side
+  for (int v = 0; v < 121; ++v) {
+    for (int u = 0; u < 121; ++u) {
+      const double x = (u - 60) / 35.0, y = (v - 60) / 35.0, angle = std::hypot(x, y);
+      // 60 degrees to the right, 50 degrees down
+      const bool is_right = x > 0.95 && x < 1.15 && std::abs(y) < 0.1, is_down = std::hypot(x, y - 0.873) < 0.1;
+      labels.probability.push_back(angle < 1.7 && (is_right || is_down) ? 1.0F : 0.0F);
+    }
+  }
+  ASSERT_TRUE(Undistortion().undistort(labels, distortion));
+  EXPECT_EQ(labels.camera.width, 2 * 121 + 1);
+  const auto at = [&](double x, double y) {
+    const auto u = std::lround(labels.camera.fx_px * x + labels.camera.cx_px);
+    const auto v = std::lround(labels.camera.fy_px * y + labels.camera.cy_px);
+    return labels.probability.at(static_cast<std::size_t>(v * labels.camera.width + u));
+  };
+  EXPECT_EQ(at(std::tan(radians(60.0)), 0.0), 1.0F);
+  EXPECT_EQ(at(0.0, std::tan(radians(50.0))), 1.0F);
+  EXPECT_EQ(at(-std::tan(radians(60.0)), 0.0), 0.0F);
+  EXPECT_EQ(at(std::tan(radians(71.0)), 0.0), 0.0F);
+  EXPECT_EQ(at(0.0, 0.0), 0.0F);
 }
 
 TEST(Undistortion, KeepsWhatIsUnknown) {

@@ -11,8 +11,6 @@
 
 #include <nav_msgs/Odometry.h>
 #include <ros/message_traits.h>
-#include <rosbag/bag.h>
-#include <rosbag/view.h>
 #include <sensor_msgs/CameraInfo.h>
 #include <sensor_msgs/CompressedImage.h>
 #include <sensor_msgs/Image.h>
@@ -67,16 +65,14 @@ const std::string& topic_of(const ImageOptions& options) {
 }
 
 /// The topic where it has compressed images or, as by image_transport, where the one beside it has them; else empty.
-std::string compressed_topic(const std::string& bag_path, const std::string& topic) {
+std::string compressed_topic(const BagOptions& bag, const std::string& topic) {
   const std::string bare = tf2_frame(topic), beside = bare + kCompressedTransport;
   const std::string type = ros::message_traits::datatype<sensor_msgs::CompressedImage>();
-  rosbag::Bag bag(bag_path, rosbag::bagmode::Read);
-  rosbag::View view(bag);
   std::string compressed;
-  for (const rosbag::ConnectionInfo* connection : view.getConnections()) {
-    const std::string here = tf2_frame(connection->topic);
-    if (here == bare && connection->datatype != type) return "";
-    if (here == bare || (here == beside && connection->datatype == type)) compressed = here;
+  for (const auto& [name, datatype] : Recording(bag.bags).topics()) {
+    const std::string here = tf2_frame(name);
+    if (here == bare && datatype != type) return "";
+    if (here == bare || (here == beside && datatype == type)) compressed = here;
   }
   return compressed;
 }
