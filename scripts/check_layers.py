@@ -25,8 +25,8 @@ FOREIGN = {  # header prefix -> folders that may include it
     r"|diagnostic_updater|message_filters|image_transport|cv_bridge|xmlrpcpp)/": {"ros"},
     r"pcl(_conversions)?/": {"ros"},
     r"mujoco/": {"sim"},
-    r"GeographicLib/": {"pose", "ros"},
-    r"(gdal|cpl_)": {"map"},
+    r"GeographicLib/": {"map", "pose", "ros"},
+    r"(gdal|cpl_|ogr_)": {"map"},
     r"opencv2/": {"image", "detections", "map"},
 }
 INCLUDE = re.compile(r'^\s*#\s*include\s*[<"]([^>"]+)[>"]')

@@ -14,6 +14,7 @@
 #include "gdal_dataset.hpp"
 #include "several_at_once.hpp"
 #include "situation_awareness/common/file.hpp"
+#include "situation_awareness/map/grid/elevation_file.hpp"
 
 namespace situation_awareness {
 namespace {
@@ -87,10 +88,6 @@ bool find_between(const Line& line, const float* heights, std::size_t width, con
   return interpolate(above, under, at, count, heights_m);
 }
 
-[[noreturn]] void refuse_elevation(const std::string& path, const std::string& reason) {
-  throw std::runtime_error(path + ": no elevation: " + reason);
-}
-
 }  // namespace
 
 Elevation::Elevation(int width, int height, const Eigen::Vector2d& corner_world_m, const Eigen::Vector2d& pixel_m,
@@ -112,36 +109,7 @@ Elevation::Elevation(int width, int height, const Eigen::Vector2d& corner_world_
   }
 }
 
-Elevation Elevation::load(const std::string& path) {
-  const QuietGdal quiet;
-  const Dataset dataset(GDALOpen(path.c_str(), GA_ReadOnly));
-  if (!dataset) refuse_elevation(path, std::string("it cannot be read (") + CPLGetLastErrorMsg() + ")");
-  const int width = GDALGetRasterXSize(dataset.get()), height = GDALGetRasterYSize(dataset.get());
-  if (GDALGetRasterCount(dataset.get()) < 1) refuse_elevation(path, "it has no band");
-  const std::string defect = size_defect(dataset.get(), path);
-  if (!defect.empty()) refuse_elevation(path, defect);
-  std::array<double, 6> transform{};
-  if (GDALGetGeoTransform(dataset.get(), transform.data()) != CE_None) refuse_elevation(path, "it has no geotransform");
-  const auto [x0, x_per_column, x_per_row, y0, y_per_column, y_per_row] = transform;
-  if (x_per_row != 0.0 || y_per_column != 0.0 || !(x_per_column > 0.0) || !(y_per_row < 0.0)) {
-    refuse_elevation(path, "its geotransform is not north up");
-  }
-  GDALRasterBandH const band = GDALGetRasterBand(dataset.get(), 1);
-  std::vector<float> heights(static_cast<std::size_t>(width) * static_cast<std::size_t>(height));
-  if (GDALRasterIO(band, GF_Read, 0, 0, width, height, heights.data(), width, height, GDT_Float32, 0, 0) != CE_None) {
-    refuse_elevation(path, std::string("its first band cannot be read (") + CPLGetLastErrorMsg() + ")");
-  }
-  int has_no_data = 0;
-  const auto no_data = static_cast<float>(GDALGetRasterNoDataValue(band, &has_no_data));
-  if (has_no_data != 0) {
-    std::replace(heights.begin(), heights.end(), no_data, std::numeric_limits<float>::quiet_NaN());
-  }
-  try {
-    return {width, height, {x0, y0}, {x_per_column, -y_per_row}, std::move(heights)};
-  } catch (const std::invalid_argument& error) {
-    refuse_elevation(path, error.what());
-  }
-}
+Elevation Elevation::load(const std::string& path) { return ElevationFile({path}).whole(); }
 
 void Elevation::save(const std::string& path) const {
   constexpr const char* kDescription = "situation_awareness elevation";

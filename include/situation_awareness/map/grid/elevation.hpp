@@ -21,8 +21,8 @@ class Elevation {
   Elevation(int width, int height, const Eigen::Vector2d& corner_world_m, const Eigen::Vector2d& pixel_m,
             std::vector<float> heights_world_m);
 
-  /// The first band of a GeoTIFF (or another raster that GDAL reads), whose geotransform is in the world's metres.
-  /// Throws std::runtime_error naming the file and what is wrong: it cannot be read, is rotated, or not north up.
+  /// All of a raster that GDAL reads, such as a GeoTIFF, in the world's metres, as an ElevationFile has it. Throws
+  /// std::runtime_error naming the file and what is wrong.
   static Elevation load(const std::string& path);
 
   /// As a GeoTIFF that `load` reads. Throws std::runtime_error naming the path.
