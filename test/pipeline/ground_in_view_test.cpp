@@ -70,6 +70,16 @@ TEST(GroundInView, TellsTheHeightAtWhichImagesAgree) {
   }
 }
 
+TEST(GroundInView, TellsAHeightThatMakesTargetsWrongToHalfAMetre) {
+  for (const double elevation_m : {-21.0, -5.0, -3.5, 3.5, 6.0}) {
+    const GroundInView view = around(elevation_m);
+    ASSERT_NE(view.why_wrong_targets(), "") << elevation_m;
+    EXPECT_EQ(view.why_wrong_targets(), view.why_no_target());
+    EXPECT_NEAR(*view.agreed_height_m(), -elevation_m, 0.6);
+  }
+  for (const double elevation_m : {-2.0, 0.0, 2.0}) EXPECT_EQ(around(elevation_m).why_wrong_targets(), "");
+}
+
 TEST(GroundInView, SaysNothingOfHeightsWhereTheyAreRight) {
   EXPECT_EQ(around(0.0).why_no_target(), "");
   EXPECT_EQ(around(1.5).why_no_target(), "");
@@ -113,6 +123,44 @@ TEST(GroundInView, NamesBothPlaces) {
   EXPECT_NE(says(level(0.0), looking({0.0, 0.0, 20.0}, {20.0, 0.0, 40.0}), 220.0).find("45 deg above the horizon"),
             std::string::npos);
   EXPECT_NE(says(level(std::numeric_limits<double>::quiet_NaN()), T, 220.0).find("no height"), std::string::npos);
+}
+
+TEST(GroundInView, TellsOfTheLatestImageWhyItTellsNothing) {
+  GroundInView view(level(0.0), 220.0);
+  const auto T = looking({0.0, 0.0, 20.0}, {20.0, 0.0, 0.0});
+  view.add(labels_of(T, {}), T, kSeen);
+  EXPECT_EQ(view.why_not_latest(), "");
+  view.add(labels_of(T, {}), T, GridUpdate{});
+  EXPECT_EQ(view.why_not_latest(), "no known ground in view");
+  SoftLabels unknown = labels_of(T, {});
+  unknown.probability.assign(unknown.probability.size(), 0.5F);
+  view.add(unknown, T, GridUpdate{});
+  EXPECT_EQ(view.why_not_latest(), "no label is known");
+  EXPECT_EQ(view.why_none(), "");
+}
+
+TEST(GroundInView, TellsThatNoLabelIsOnTheElevation) {
+  GroundInView beside(level(0.0), 220.0), without(level(0.0), 220.0);
+  const auto T = looking({0.0, 0.0, 20.0}, {20.0, 0.0, 0.0});
+  for (int k = 0; k < 8; ++k) {
+    beside.add(labels_of(T, {{19.0, 3.0, 0.0}}), T, GridUpdate{100, 0});
+    without.add(labels_of(T, {}), T, GridUpdate{100, 0});
+  }
+  EXPECT_NE(beside.why_no_target().find("8 of 8 images show the class, and none of them on known ground"),
+            std::string::npos);
+  EXPECT_NE(beside.why_no_target().find("looks at (20.0"), std::string::npos);
+  EXPECT_EQ(without.why_no_target(), "");
+}
+
+TEST(GroundInView, KnowsWhereAGroundIsOfWhichItHasNoPart) {
+  GroundInView view(level(0.0), 220.0);
+  view.set_elevation(level(std::numeric_limits<double>::quiet_NaN()),
+                     Eigen::AlignedBox3d(Eigen::Vector3d(5000.0, 0.0, 3.0), Eigen::Vector3d(5200.0, 100.0, 3.0)));
+  view.set_remedy("give the origin");
+  const auto T = looking({0.0, 0.0, 23.0}, {20.0, 0.0, 3.0});
+  view.add(labels_of(T, {}), T, GridUpdate{});
+  EXPECT_NE(view.why_none().find("x 5000 to 5200, y 0 to 100, z 3 to 3 m"), std::string::npos) << view.why_none();
+  EXPECT_NE(view.why_none().find("; give the origin"), std::string::npos);
 }
 
 TEST(GroundInView, KnowsNoLabel) {
