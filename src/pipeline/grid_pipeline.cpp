@@ -11,6 +11,9 @@
 namespace situation_awareness {
 namespace {
 
+/// Of the elevation before the first image: all of it where that is small, else next to nothing.
+constexpr double kAnyReach_m = 1.0;
+
 CameraPoseCovariance covariance_of(const CameraPoseParams& params) {
   CameraPoseCovariance covariance = CameraPoseCovariance::Zero();
   covariance.diagonal().head<3>().setConstant(params.position_sigma_m * params.position_sigma_m);
@@ -32,6 +35,26 @@ GridPipeline::GridPipeline(const GridPipelineParams& params, std::shared_ptr<con
       tracks_(params.targets),
       in_view_(elevation_, params.grid.reach_m) {}
 
+GridPipeline::GridPipeline(const GridPipelineParams& params, ElevationFile file)
+    : GridPipeline(params, file.around(Eigen::Vector2d::Zero(), kAnyReach_m, params.grid.cell_m)) {
+  file_.emplace(std::move(file));
+  in_view_.set_remedy(file_->remedy());
+}
+
+/// Has the elevation that an image from a place needs.
+void GridPipeline::look_around(const Eigen::Vector2d& p_world_m) {
+  if (!file_ || !p_world_m.allFinite()) return;
+  auto elevation = file_->around(p_world_m, map_.needed_reach_m(), params_.grid.cell_m);
+  if (elevation == elevation_) return;
+  elevation_ = std::move(elevation);
+  map_.set_elevation(elevation_);
+  in_view_.set_elevation(elevation_, file_->extent_world_m());
+}
+
+std::vector<std::string> GridPipeline::elevation_warnings() const {
+  return file_ ? file_->warnings() : std::vector<std::string>();
+}
+
 void GridPipeline::begin_anew() {
   map_ = GridMap(params_.grid, elevation_);
   tracks_.forget();
@@ -49,6 +72,7 @@ const GridTargets& GridPipeline::process(const SoftLabels& labels, const Eigen::
   verdict_ = order_.judge(labels.stamp_ns);
   if (verdict_ == StampOrder::Verdict::kRefused) return tracks_.targets();
   if (verdict_ == StampOrder::Verdict::kRestart) begin_anew();
+  look_around(T_world_camera.translation().head<2>());
   in_view_.add(labels, T_world_camera, map_.update(labels, T_world_camera));
   if (params_.keep_m > 0.0) map_.keep_around(T_world_camera.translation().head<2>(), params_.keep_m);
   map_.read_class(class_grid_);
@@ -65,7 +89,7 @@ const GridTargets& GridPipeline::process(const SoftLabels& labels, const Eigen::
 }
 
 std::string GridPipeline::why_nothing() const {
-  if (target_images_ > 0 && 2 * target_images_ >= in_view_.class_images()) return "";
+  if (target_images_ > 0 && 2 * target_images_ >= in_view_.class_images()) return in_view_.why_wrong_targets();
   const std::string none = in_view_.why_none();
   return none.empty() ? in_view_.why_no_target() : none;
 }

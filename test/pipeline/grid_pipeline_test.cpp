@@ -3,11 +3,15 @@
 #include "situation_awareness/pipeline/grid_pipeline.hpp"
 
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <filesystem>
 #include <memory>
+#include <string>
+#include <utility>
 #include <vector>
 
 #include "situation_awareness/evaluation/grid_scenes.hpp"
@@ -27,7 +31,8 @@ std::shared_ptr<const Elevation> wide_ground() {
 /// A flight past a car, or past where it was, and far away.
 class Flight {
  public:
-  explicit Flight(const GridPipelineParams& params = {}) : pipeline_(params, wide_ground()) {
+  explicit Flight(const GridPipelineParams& params = {}) : Flight(GridPipeline(params, wide_ground())) {}
+  explicit Flight(GridPipeline pipeline) : pipeline_(std::move(pipeline)) {
     scene_.scene.ground = [](double, double) { return 0.0; };
     scene_.scene.cars.push_back({Pose2{{kCar_m.x(), kCar_m.y()}, radians(30.0)}});
   }
@@ -89,6 +94,24 @@ TEST(GridPipeline, ATargetStaysWhereItsEvidenceWasFreedAndHasItsIdWhenItIsSeenAg
   ASSERT_EQ(flight.targets().size(), 1U);
   EXPECT_EQ(flight.targets()[0].id, before.id);
   EXPECT_LT((flight.targets()[0].p_world_m.head<2>() - kCar_m).norm(), 0.5);
+}
+
+TEST(GridPipeline, OverAFileOfWhichPartsAreReadTheMapIsThatOverTheWhole) {
+  const std::string path = testing::TempDir() + "/grid_pipeline_" + std::to_string(::getpid()) + ".tif";
+  constexpr int kEdge = 4200;  // more pixels than are read as a whole
+  Elevation(kEdge, kEdge, {-2100.0, 2100.0}, {1.0, 1.0}, std::vector<float>(kEdge * kEdge, 0.0F)).save(path);
+  Flight whole, parts(GridPipeline({}, ElevationFile({path})));
+  for (Flight* const flight : {&whole, &parts}) {
+    flight->look(8);
+    flight->fly_away();
+    flight->look(3);
+  }
+  ASSERT_EQ(whole.targets().size(), 1U);
+  ASSERT_EQ(parts.targets().size(), 1U);
+  EXPECT_EQ(parts.targets()[0].p_world_m, whole.targets()[0].p_world_m);
+  const SemanticGrid one = whole.pipeline().map().grid(), other = parts.pipeline().map().grid();
+  EXPECT_EQ(one.images, other.images);
+  std::filesystem::remove(path);
 }
 
 TEST(GridPipeline, ATargetThatLeftMeanwhileIsLostWhenEnoughImagesShowItsPlace) {

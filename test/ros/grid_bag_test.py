@@ -81,6 +81,17 @@ class GridBagTest(BagToolTest):
             self.assertIn(reason, output)
         self.check_all_found(lines[-1], 0.5)
 
+    def test_images_that_tell_nothing_do_not_count_as_mapped(self):
+        def change(messages):
+            for _, _, msg in [entry for entry in messages if entry[1] == "/camera/labels"][20:23]:
+                msg.data = np.full(msg.height * msg.width, 0.5, dtype="<f4").tobytes()
+            return messages
+        output, lines = self.lines_of(change)
+        count = len(self.case["images"])
+        self.assertIn(f"{count} images, {count - 3} mapped, 3 dropped: no label is known", output)
+        self.assertEqual(*([target["id"] for target in line["targets"]] for line in lines[19:21]))
+        self.check_all_found(lines[-1], 0.5)
+
     def test_labels_out_of_range_and_unknown_ones(self):
         def change(messages):
             for k, (_, topic, msg) in enumerate(messages):

@@ -105,6 +105,13 @@ def split(parts, *given):
     return write
 
 
+def grid_in(crs, west, north, pixel, height_m=0.0, options=(), band=""):
+    def write(folder):
+        return [bags.write(folder / "in.bag", bags.camera()), "--world-frame", "world", "--dem",
+                bags.elevation_in(folder / "dem.vrt", crs, west, north, pixel, height_m, band), *options]
+    return write
+
+
 def ranges(value):
     """A change of a scan: all ranges are so."""
     def change(msg):
@@ -145,9 +152,9 @@ def no_fix(msg, _):
     return msg
 
 
+ORIGIN = ("--origin", "47.5,8.5,460")
+DEGREES = (8.4993, 47.5007, 2.8e-5)  # west, north and pixel of bags.elevation_in around ORIGIN
 IN_G, IN_DEGREES, DOWN = (1 / bags.GRAVITY,) * 3, (math.degrees(1),) * 3, (1, -1, -1)
-
-
 FOOTPRINT = ("odom", "base_footprint")
 BODY_AXES = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])  # x ahead, y left, z up
 
@@ -273,10 +280,29 @@ CASES = [
     # A camera over an elevation.
     Case("elsewhere", "grid_bag", grid(shift=(465000.0, 5247000.0)), "x 464950 to 465050", "the camera at (", "looks at (0.0, 0.0, 0.0)"),
     Case("lower", "grid_bag", grid(height_m=-47.0), "above the elevation", "z -47 to -47", "looks at", "zero of height"),
+    Case("a_little_lower", "grid_bag", grid(height_m=-4.0), "m above the elevation, not on it", "zero of height"),
+    Case("a_little_higher", "grid_bag", grid(height_m=5.0), "m below the elevation, not on it", "zero of height"),
     Case("higher", "grid_bag", grid(height_m=47.0), "27.0 m below the elevation", "zero of height"),
     Case("body_axes", "grid_bag", grid(turned=BODY_AXES), "above the horizon", "optical"),
     Case("no_label", "grid_bag", grid(labels=lambda pixels: np.full_like(pixels, 0.5)), "no label of 14 images is known"),
     Case("labels_of_bytes", "grid_bag", grid(labels=lambda pixels: 255 * pixels + 254), "no label of 14 images is known"),
+    Case("band_of_feet", "grid_bag",
+         grid_in("", -50.0, 50.0, 2.0, 100.0, band="<Offset>-100</Offset><UnitType>ft</UnitType>"), code=0),
+    Case("band_of_degrees", "grid_bag", grid_in("", -50.0, 50.0, 2.0, band="<UnitType>degC</UnitType>"), "degC"),
+    Case("degrees", "grid_bag", grid_in("EPSG:4326", *DEGREES), "EPSG:4326", "origin", "gdalwarp", "+lat_0=47.5"),
+    Case("degrees_without_crs", "grid_bag", grid_in("", *DEGREES), "degrees", "-a_srs EPSG:4326"),
+    Case("degrees_of_origin", "grid_bag", grid_in("EPSG:4326", *DEGREES, 460.0, [*ORIGIN, "--dem-vertical", "ellipsoid"]),
+         code=0),
+    Case("above_what", "grid_bag", grid_in("EPSG:4326", *DEGREES, 460.0, ORIGIN),
+         "does not say what its heights are above", code=0, warned=True),
+    Case("above_the_sea", "grid_bag", grid_in("EPSG:4326", *DEGREES, 412.6, [*ORIGIN, "--dem-vertical", "ellipsoid"]),
+         "m above the elevation, not on it", "zero of height"),
+    Case("above_the_sea_by_so_much", "grid_bag",
+         grid_in("EPSG:4326", *DEGREES, 412.6, [*ORIGIN, "--dem-vertical", "egm2008", "--dem-geoid-m", "47.4"]), code=0),
+    Case("above_the_sea_somewhere", "grid_bag", grid(options=("--dem-vertical", "egm96")), "egm96", "origin"),
+    Case("metres_of_utm", "grid_bag", grid_in("EPSG:32632", 465000.0, 5247000.0, 2.0), "x 465000 to 465100",
+         "the camera at (", "EPSG:32632", "gdalwarp"),
+    Case("voids", "grid_bag", grid(height_m=-9999.0), "no height of the elevation is known"),
     Case("no_car", "grid_bag", grid(with_car=False), code=0),
     Case("car_on_ground", "grid_bag", grid(), code=0),
     # A simulation without a scan.

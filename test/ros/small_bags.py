@@ -312,3 +312,14 @@ def elevation(path, height_m=0.0, shift=(0.0, 0.0)):
     path.write_text(f"ncols 50\nnrows 50\nxllcorner {-50.0 + shift[0]}\nyllcorner {-50.0 + shift[1]}\ncellsize 2.0\n"
                     f"NODATA_value -9999\n{rows}\n")
     return path
+
+
+def elevation_in(path, crs, west, north, pixel, height_m=0.0, band=""):
+    """The same pixels with the coordinates of a CRS, and what a band says of itself, as GDAL's XML."""
+    grid = elevation(path.with_suffix(".asc"), height_m)
+    source = f'<SimpleSource><SourceFilename relativeToVRT="1">{grid.name}</SourceFilename><SourceBand>1</SourceBand>'
+    path.write_text(f'<VRTDataset rasterXSize="50" rasterYSize="50"><SRS>{crs}</SRS>'
+                    f"<GeoTransform>{west!r}, {pixel!r}, 0, {north!r}, 0, {-pixel!r}</GeoTransform>"
+                    f'<VRTRasterBand dataType="Float32" band="1">{band}{source}</SimpleSource></VRTRasterBand>'
+                    "</VRTDataset>")
+    return path

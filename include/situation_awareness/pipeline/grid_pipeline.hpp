@@ -13,6 +13,7 @@
 #include "situation_awareness/common/stamp_order.hpp"
 #include "situation_awareness/image/image.hpp"
 #include "situation_awareness/map/grid/elevation.hpp"
+#include "situation_awareness/map/grid/elevation_file.hpp"
 #include "situation_awareness/map/grid/grid.hpp"
 #include "situation_awareness/map/grid/grid_map.hpp"
 #include "situation_awareness/map/grid/grid_tracks.hpp"
@@ -74,12 +75,16 @@ class GridPipeline {
   /// Throws std::invalid_argument naming field and bound.
   GridPipeline(const GridPipelineParams& params, std::shared_ptr<const Elevation> elevation);
 
+  /// Over the heights of a file that are around the camera. Throws as that one, and as ElevationFile.
+  GridPipeline(const GridPipelineParams& params, ElevationFile file);
+
   /// As StampOrder::trust, where another has judged the stamps.
   void trust_stamps() { order_.trust(); }
 
   /// Adds an image; all as GridMap::update says. `covariance`: of the camera's pose, where it is known; throws
-  /// std::invalid_argument if it is none (is_positive_semidefinite). An image whose stamp is not in order, or whose
-  /// pose is not known well enough (CameraPoseParams), changes nothing. The result is valid until the next call.
+  /// std::invalid_argument if it is none (is_positive_semidefinite); and std::runtime_error if the elevation's file
+  /// cannot be read. An image whose stamp is not in order, or whose pose is not known well enough (CameraPoseParams),
+  /// changes nothing. The result is valid until the next call.
   const GridTargets& process(const SoftLabels& labels, const Eigen::Isometry3d& T_world_camera,
                              const std::optional<CameraPoseCovariance>& covariance = {});
 
@@ -93,16 +98,25 @@ class GridPipeline {
   void begin_anew();
 
   const GridTargets& targets() const { return tracks_.targets(); }
+  /// Why the latest image that was used tells nothing of the map: no cell of known ground is in it, or no label known.
+  /// A short reason, for counters; empty if it does.
+  std::string why_latest_tells_nothing() const { return in_view_.why_not_latest(); }
+  /// What was assumed of the elevation's file, each in one sentence.
+  std::vector<std::string> elevation_warnings() const;
   /// Why the images so far give no target, or hardly ever one, in one sentence: none shows the ground, or they show the
-  /// class where the elevation says that no ground is. Empty if they do, and where they show nothing of the class.
+  /// class where the elevation says that no ground is, so that targets are none or wrong. Empty if they do, and where
+  /// they show nothing of the class.
   std::string why_nothing() const;
   const GridMap& map() const { return map_; }
 
  private:
+  void look_around(const Eigen::Vector2d& p_world_m);
+
   GridPipelineParams params_;
   StampOrder order_;
   StampOrder::Verdict verdict_ = StampOrder::Verdict::kNext;
   bool is_pose_known_ = true;
+  std::optional<ElevationFile> file_;
   std::shared_ptr<const Elevation> elevation_;
   GridMap map_;
   GridTracks tracks_;

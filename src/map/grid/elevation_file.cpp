@@ -16,8 +16,8 @@
 namespace situation_awareness {
 namespace {
 
-/// Pixels of a raster that is read as a whole, of any size and of those that may be merged, and the farthest of one that
-/// is laid over the world as a whole.
+/// Pixels of a raster that is read as a whole, of any size and of those that may be merged, and the farthest of one
+/// that is laid over the world as a whole.
 constexpr double kSmall = 1 << 24, kSmallAndFine = 1 << 20, kNear_m = 1e5;
 /// Pixels of a block, at most: one is read for each pixel that is asked for.
 constexpr double kMostOfBlock = 1 << 26;
@@ -88,7 +88,8 @@ class ElevationFile::Impl {
     if (latest_ && (is_whole_ || latest_box_.contains(box(reach_m)))) return latest_;
     is_whole_ = is_small(finest_m);
     latest_box_ = box(kPart * reach_m);
-    latest_ = std::make_shared<const Elevation>(is_whole_ ? part(place_.extent_world_m(), 0.0) : part(latest_box_, finest_m));
+    latest_ =
+        std::make_shared<const Elevation>(is_whole_ ? part(place_.extent_world_m(), 0.0) : part(latest_box_, finest_m));
     return latest_;
   }
 

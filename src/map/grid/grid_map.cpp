@@ -43,8 +43,7 @@ class GridMap::Impl {
   Impl(const GridMapParams& params, std::shared_ptr<const Elevation> elevation)
       : params_((params.validate(), params)),
         elevation_(elevation ? std::move(elevation) : throw std::invalid_argument("a grid needs an elevation")),
-        ground_(params.smooth_m > 0.0 ? std::make_shared<Elevation>(elevation_->smoothed(params.smooth_m))
-                                      : elevation_),
+        ground_(ground_of(elevation_)),
         tiles_(params.cell_m, ground_),
         columns_(params.class_height_m, kOffsetStep_m),
         horizon_(*elevation_, params.reach_m, 2.0 * params.cell_m, params.class_height_m) {}
@@ -92,6 +91,16 @@ class GridMap::Impl {
   }
 
   GridTiles& tiles() { return tiles_; }
+
+  void set_elevation(std::shared_ptr<const Elevation> elevation) {
+    ground_ = ground_of(elevation);
+    elevation_ = std::move(elevation);
+    tiles_.set_ground(ground_);
+    horizon_.set_elevation(*elevation_);
+  }
+
+  /// All of each tile, whose ground is found when it is first in reach, and what it is smoothed by.
+  double needed_reach_m() const { return params_.reach_m + 3.0 * kTileCells * params_.cell_m + 4.0 * params_.smooth_m; }
 
   bool is_settled(const Eigen::Vector2d& p_world_m) const { return tiles_.is_settled(p_world_m, kEnough); }
 
@@ -204,6 +213,11 @@ class GridMap::Impl {
   const GridMapParams& params() const { return params_; }
 
  private:
+  std::shared_ptr<const Elevation> ground_of(const std::shared_ptr<const Elevation>& elevation) const {
+    if (params_.smooth_m <= 0.0) return elevation;
+    return std::make_shared<Elevation>(elevation->smoothed(params_.smooth_m));
+  }
+
   static constexpr double kSteepness = 8.0;
   static constexpr int kEnough = 6, kFew = 4;
   static constexpr float kTurn_rad = 0.14F;  ///< that makes an image count as one from a direction of its own
@@ -578,6 +592,8 @@ GridMap& GridMap::operator=(GridMap&&) noexcept = default;
 GridUpdate GridMap::update(const SoftLabels& labels, const Eigen::Isometry3d& T_world_camera) {
   return impl_->update(labels, T_world_camera);
 }
+void GridMap::set_elevation(std::shared_ptr<const Elevation> elevation) { impl_->set_elevation(std::move(elevation)); }
+double GridMap::needed_reach_m() const { return impl_->needed_reach_m(); }
 void GridMap::keep_around(const Eigen::Vector2d& p_world_m, double distance_m) {
   impl_->tiles().keep_around(p_world_m, distance_m);
 }

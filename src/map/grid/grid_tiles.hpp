@@ -123,6 +123,9 @@ class GridTiles {
   /// `ground`: where things stand.
   GridTiles(double cell_m, std::shared_ptr<const Elevation> ground) : cell_m_(cell_m), ground_(std::move(ground)) {}
 
+  /// Of tiles that are not known yet.
+  void set_ground(std::shared_ptr<const Elevation> ground) { ground_ = std::move(ground); }
+
   static bool is_observed(const Tile& tile) { return tile.observed && tile.observed->is_any_known; }
   static bool has_evidence(const Tile& tile) { return tile.observed && tile.observed->has_evidence; }
 

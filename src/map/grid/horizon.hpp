@@ -18,6 +18,8 @@ class Horizon {
  public:
   Horizon(const Elevation& elevation, double reach_m, double step_m, double class_height_m);
 
+  void set_elevation(const Elevation& elevation) { elevation_ = &elevation; }
+
   /// Begins the horizon of a camera at another place.
   void begin(const Eigen::Vector3d& p_world_camera_m);
 

@@ -77,6 +77,10 @@ std::string compressed_topic(const BagOptions& bag, const std::string& topic) {
   return compressed;
 }
 
+void warn(const std::string& program, const std::string& what) {
+  std::fprintf(stderr, "%s: warning: %s\n", program.c_str(), what.c_str());
+}
+
 /// Empty where the bag has labels.
 std::optional<ImageLabelling> labelling_of(const ImageOptions& options, const GridPipelineParams& params) {
   if (options.image_topic.empty()) return std::nullopt;
@@ -106,13 +110,21 @@ void add_model_folder_option(CommandLine& app, ImageOptions& options) {
       .type_name("DIR");
 }
 
-CommandLineOption add_dem_option(CommandLine& app, ImageOptions& options) {
-  return app.add_option("--dem", options.dem, "elevation in the world's metres, such as a GeoTIFF").type_name("FILE");
+CommandLineOption add_dem_options(CommandLine& app, ElevationParams& elevation) {
+  app.add_option("--dem-vertical", elevation.dem_vertical,
+                 "what its heights are above: the sea, the ellipsoid or the world's zero (default: what its CRS says)")
+      .check(one_of({"egm96", "egm2008", "ellipsoid", "local"}));
+  app.add_option("--dem-geoid-m", elevation.dem_geoid_m,
+                 "height of the sea above the ellipsoid, instead of that of a grid (default: by the grid)")
+      .type_name("M")
+      .check(in_range(-120.0, 120.0));
+  return app.add_option("--dem", elevation.dem, "elevation, such as a GeoTIFF: with a CRS, or in the world's metres")
+      .type_name("FILE");
 }
 
 struct BagImages::Work {
   Work(const BagOptions& bag, const ImageOptions& options, const GridPipelineParams& params)
-      : pipeline(params, std::make_shared<Elevation>(Elevation::load(options.dem))),
+      : pipeline(params, ElevationFile(elevation_source(options.elevation, "--origin"))),
         infos(bag, options.camera_info_topic),
         camera(options.image_kind, topic_of(options)),
         labelling(labelling_of(options, params)) {
@@ -166,9 +178,10 @@ BagImages::BagImages(BagPlayer& player, const BagOptions& bag, const ImageOption
     player.use_when_posed(
         taken, recorded,
         [&player, &work, msg, use](const Eigen::Isometry3d& T_world_camera, const Eigen::Isometry3d& /*end*/) {
-          std::string defect = work.map(player, *msg, T_world_camera);
-          if (defect.empty()) use(work.pipeline.targets());
-          return defect;
+          const std::string defect = work.map(player, *msg, T_world_camera);
+          if (!defect.empty()) return defect;
+          use(work.pipeline.targets());
+          return work.pipeline.why_latest_tells_nothing();
         });
   };
   const std::string topic = topic_of(options), compressed = compressed_topic(bag, topic);
@@ -185,9 +198,15 @@ BagImages::~BagImages() = default;
 
 GridPipeline& BagImages::pipeline() { return work_->pipeline; }
 
-void BagImages::print_summary() const {
+void BagImages::warn_of_nothing(const std::string& program) const {
+  const std::string why = work_->pipeline.why_nothing();
+  if (!why.empty()) warn(program, why);
+}
+
+void BagImages::print_summary(const std::string& program) const {
   const CameraModel& model = work_->camera.model();
-  if (!model.assumed.empty()) std::fprintf(stderr, "warning: %s\n", model.assumed.c_str());
+  if (!model.assumed.empty()) warn(program, model.assumed);
+  for (const std::string& warning : work_->pipeline.elevation_warnings()) warn(program, warning);
   std::printf("the ground is %+.2f m off the elevation; %zu labels out of [0, 1] not used\n",
               work_->pipeline.map().elevation_offset_m(), work_->out_of_range);
   const OdometryCovariances& covariances = work_->covariances;

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // labels, camera_info, odometry (for its covariance), TF world -> camera  ->  targets, grid, grid_cells
 #include <cstdint>
-#include <memory>
 #include <optional>
 #include <string>
 
@@ -47,7 +46,6 @@ class GridMappingStage {
       : context_(context),
         params_(params),
         camera_(params.image_kind, context.node().resolveName(kInput)),
-        elevation_(std::make_shared<Elevation>(Elevation::load(params.dem))),
         targets_publisher_(context.node().advertise<TargetArray>("targets", 20)),
         grid_publisher_(context.node().advertise<nav_msgs::OccupancyGrid>("grid", 1, true)),
         cells_publisher_(context.node().advertise<sensor_msgs::PointCloud2>("grid_cells", 1, true)),
@@ -58,7 +56,7 @@ class GridMappingStage {
                   return Taken{tf2_frame(msg.header.frame_id), msg.header.stamp, msg.header.stamp};
                 },
                 [] {}}) {
-    pipeline_.emplace(params_.pipeline, elevation_);
+    pipeline_.emplace(params_.pipeline, ElevationFile(elevation_source(params_.elevation, "origin")));
     pipeline_->trust_stamps();  // the input has judged them
     context.diagnostics().on_report([this](StageDiagnostics::Status& status) { report(status); });
     context.when_made([this] {
@@ -98,6 +96,8 @@ class GridMappingStage {
     }
     context_.publish(targets_publisher_, grid_targets_to_msg(targets, params_.nodelet.world_frame));
     if (!grid_ns_ || seconds_between(*grid_ns_, labels.stamp_ns) >= params_.grid_period_s) publish_grid();
+    const std::string nothing = pipeline_->why_latest_tells_nothing();
+    if (!nothing.empty()) return context_.drop(nothing);
     return true;
   }
 
@@ -119,6 +119,9 @@ class GridMappingStage {
   void report(StageDiagnostics::Status& status) {
     const std::string why_nothing = pipeline_->why_nothing();
     if (!why_nothing.empty()) status.mergeSummary(diagnostic_msgs::DiagnosticStatus::WARN, why_nothing);
+    for (const std::string& warning : pipeline_->elevation_warnings()) {
+      status.mergeSummary(diagnostic_msgs::DiagnosticStatus::WARN, warning);
+    }
     status.add("targets", pipeline_->targets().targets.size());
     status.add("ground above the elevation [m]", pipeline_->map().elevation_offset_m());
     status.add("camera_info", camera_info_ ? "received" : "none yet");
@@ -130,7 +133,6 @@ class GridMappingStage {
   Context& context_;
   GridNodeletParams params_;
   ImageCamera camera_;
-  std::shared_ptr<const Elevation> elevation_;
   std::optional<GridPipeline> pipeline_;
   OdometryCovariances covariances_;
   sensor_msgs::CameraInfoConstPtr camera_info_;  ///< the latest

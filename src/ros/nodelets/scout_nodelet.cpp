@@ -28,7 +28,7 @@
 #include "situation_awareness/TargetArray.h"
 #include "situation_awareness/common/stamp_order.hpp"
 #include "situation_awareness/common/time.hpp"
-#include "situation_awareness/map/grid/elevation.hpp"
+#include "situation_awareness/map/grid/elevation_file.hpp"
 #include "situation_awareness/path/scouting.hpp"
 #include "situation_awareness/ros/convert/grid.hpp"
 #include "situation_awareness/ros/convert/odometry.hpp"
@@ -60,9 +60,11 @@ class ScoutStage {
         markers_(context.node().advertise<visualization_msgs::MarkerArray>("scout_markers", 5)),
         done_(context.node().advertise<std_msgs::Empty>("flight_done", 1, /*latch=*/true)) {
     params.scouting.validate();
-    if (!params.dem.empty()) {
-      const auto elevation = std::make_shared<const Elevation>(Elevation::load(params.dem));
-      ground_ = [elevation](double x_world_m, double y_world_m) { return elevation->at(x_world_m, y_world_m); };
+    if (!params.elevation.dem.empty()) {
+      const auto file = std::make_shared<ElevationFile>(elevation_source(params.elevation, "origin"));
+      ground_ = [file](double x_world_m, double y_world_m) {
+        return file->around({x_world_m, y_world_m}, kGround_m, kGroundPixel_m)->at(x_world_m, y_world_m);
+      };
     }
     context.keep_all();
     order_.trust();  // a stamp far from now is dropped, and the mission's clock takes no single jump
@@ -133,6 +135,8 @@ class ScoutStage {
   }
 
  private:
+  static constexpr double kGround_m = 500.0;      // around a place, whose ground is looked at at once
+  static constexpr double kGroundPixel_m = 0.5;   // no finer
   static constexpr double kPeriod_s = 0.25;       // between steps of the mission, at least
   static constexpr double kMapPeriod_s = 2.0;     // between looks at the maps of what stands around, at least
   static constexpr double kEarly_s = 1e-3;        // round-off of stamps

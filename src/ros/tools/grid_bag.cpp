@@ -24,7 +24,7 @@ Writes the targets after each image as one line of JSON:
   {"stamp": s, "targets": [{"id": int, "x", "y", "z": m, "covariance": [xx, xy, yx, yy], "area_m2", "p": number}]}
 and the grid at the end as a GeoTIFF: band 1 the probability, NaN where nothing was observed, band 2 the number of images
 with evidence. Labels are the probability of the class per pixel (32FC1), NaN or exactly 0.5 where it is not known.
-Images that cannot be used have no line and are counted by reason. Files are written atomically.
+Images that cannot be used have no line and are counted by reason; those that show no known ground are counted, too. Files are written atomically.
 )";
 
 struct Options {
@@ -40,7 +40,11 @@ void add_options(CommandLine& app, Options& options) {
   app.add_option("--odom-topic", options.images.odom_topic,
                  "nav_msgs/Odometry, whose covariance is that of the pose (default: that of the parameters)")
       .type_name("TOPIC");
-  add_dem_option(app, options.images).required();
+  add_dem_options(app, options.images.elevation).required();
+  app.add_option(
+         "--origin", options.images.elevation.origin,
+         "of the world, in degrees and m above the ellipsoid, where the elevation has a CRS (default: it has none)")
+      .type_name("LAT,LON,ALT");
   app.add_option("--out", options.out, "output file of the lines").type_name("FILE").required();
   app.add_option("--grid-out", options.grid_out, "output file of the grid, a GeoTIFF").type_name("FILE");
 }
@@ -70,7 +74,7 @@ int grid_bag(const Options& options) {
                    [&out](const GridTargets& targets) { out.write(json_line(targets.stamp_ns, json_of(targets))); });
   player.play();
   player.print_summary();
-  images.print_summary();
+  images.print_summary(kName);
   player.check_mapped(images.pipeline().why_nothing());
   if (!options.grid_out.empty()) save_geotiff(options.grid_out, images.pipeline().map().grid());
   out.finish();

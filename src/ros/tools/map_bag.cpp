@@ -98,7 +98,7 @@ void add_options(CommandLine& app, Options& options) {
   add_reflector_options(app, options.reflectors);
   add_navigation_options(app, options.navigation);
   add_image_options(app, options.images);
-  add_dem_option(app, options.images);
+  add_dem_options(app, options.images.elevation);
   add_model_folder_option(app, options.images);
   app.add_option("--full-every", options.full_every_s, "time between lines with all features")
       .type_name("S")
@@ -106,8 +106,9 @@ void add_options(CommandLine& app, Options& options) {
   app.callback([&options] {
     check_reflector_options(options.reflectors, options.pose == "reflectors");
     check_origin(options.navigation);
+    options.images.elevation.origin = options.navigation.origin;
     if (options.save_map == options.out) throw CommandLineError("--save-map and --out are the same file");
-    if (options.has("grid") && options.images.dem.empty()) throw option_required("--dem");
+    if (options.has("grid") && options.images.elevation.dem.empty()) throw option_required("--dem");
     if (options.has("grid") && options.pose != "tf") {
       throw CommandLineError("images are mapped with --pose tf: their poses are those of /tf");
     }
@@ -283,7 +284,8 @@ void map_by_tf(const Options& options, const Params& params) {
   }
   player.play();
   player.print_summary();
-  if (images) images->print_summary();
+  if (images) images->print_summary(kName);
+  if (images && options.has_scans()) images->warn_of_nothing(kName);
   player.check_mapped(options.has_scans() ? states.why_no_hit() : images->pipeline().why_nothing());
   out.finish();
   map.save();

@@ -66,6 +66,11 @@ class GridMap {
   /// unchanged.
   GridUpdate update(const SoftLabels& labels, const Eigen::Isometry3d& T_world_camera);
 
+  /// Other heights of the same ground, where images are next: cells that have a ground keep it.
+  void set_elevation(std::shared_ptr<const Elevation> elevation);
+  /// How far from the camera an elevation has an influence.
+  double needed_reach_m() const;
+
   /// Forgets the cells farther than that from a place: a grid that scrolls with the vehicle.
   void keep_around(const Eigen::Vector2d& p_world_m, double distance_m);
 

@@ -9,6 +9,7 @@
 #include "situation_awareness/pipeline/grid_pipeline.hpp"
 #include "situation_awareness/ros/bag/bag_options.hpp"
 #include "situation_awareness/ros/bag/bag_player.hpp"
+#include "situation_awareness/ros/params/elevation_params.hpp"
 
 namespace situation_awareness {
 
@@ -20,15 +21,16 @@ struct ImageOptions {
   std::string image_topic;  ///< of images that a network labels, instead of labels
   std::string camera_info_topic = "/camera/camera_info";
   std::string image_kind = "auto";  ///< as image_kind of ros/convert/camera.hpp has it
-  std::string odom_topic;    ///< whose covariance is that of the pose; empty: that of the parameters
-  std::string dem;           ///< file of the elevation
+  std::string odom_topic;           ///< whose covariance is that of the pose; empty: that of the parameters
+  ElevationParams elevation;
   std::string model_folder;  ///< empty: models/ of this package
 };
 
 /// The topics of images.
 void add_image_options(CommandLine& app, ImageOptions& options);
 void add_model_folder_option(CommandLine& app, ImageOptions& options);
-CommandLineOption add_dem_option(CommandLine& app, ImageOptions& options);
+/// --dem, which is returned, and what its numbers are.
+CommandLineOption add_dem_options(CommandLine& app, ElevationParams& elevation);
 
 /// Maps the images of a bag while it is played; those that cannot be used are counted by reason.
 class BagImages {
@@ -42,7 +44,10 @@ class BagImages {
 
   GridPipeline& pipeline();
 
-  void print_summary() const;
+  /// Prints what the map says of the ground, and on stderr what was assumed of it, after the program's name.
+  void print_summary(const std::string& program) const;
+  /// The same of why there is nothing (GridPipeline::why_nothing), where other measurements were mapped.
+  void warn_of_nothing(const std::string& program) const;
 
  private:
   struct Work;

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "situation_awareness/pipeline/grid_pipeline.hpp"
+#include "situation_awareness/ros/params/elevation_params.hpp"
 #include "situation_awareness/ros/params/nodelet_params.hpp"
 
 namespace situation_awareness {
@@ -12,7 +13,7 @@ namespace situation_awareness {
 /// Parameters of the nodelet grid_mapping (cfg/grid.yaml).
 struct GridNodeletParams {
   NodeletParams nodelet;
-  std::string dem;
+  ElevationParams elevation;
   std::string image_kind = "auto";
   double grid_period_s = 1.0;
   GridPipelineParams pipeline;
@@ -21,9 +22,7 @@ struct GridNodeletParams {
   template <class Self, class Visit>
   static void fields(Self& self, Visit&& visit) {
     NodeletParams::fields(self.nodelet, visit);
-    visit("dem", self.dem,
-          "path of the elevation, in the world's metres: a GeoTIFF or another raster that GDAL reads, north up; empty: "
-          "level ground for scout, scouting.height_m below the begin");
+    ElevationParams::fields(self.elevation, visit);
     visit("image_kind", self.image_kind,
           "what the images are: rectified, with P of camera_info, or raw, with K and D; auto: what the topic's name "
           "says (image_rect*, image_raw), else rectified where there is distortion");

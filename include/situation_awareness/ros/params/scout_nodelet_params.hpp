@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "situation_awareness/path/scouting.hpp"
+#include "situation_awareness/ros/params/elevation_params.hpp"
 #include "situation_awareness/ros/params/nodelet_params.hpp"
 
 namespace situation_awareness {
@@ -13,7 +14,7 @@ namespace situation_awareness {
 struct ScoutNodeletParams {
   NodeletParams nodelet;
   std::string base_frame = "base_link";
-  std::string dem;
+  ElevationParams elevation;
   double timeout_s = 5.0;
   /// Set by the stage itself: where and when its mission began, for the manager that is started after a crash.
   std::string resume;
@@ -24,8 +25,7 @@ struct ScoutNodeletParams {
   static void fields(Self& self, Visit&& visit) {
     NodeletParams::fields(self.nodelet, visit);
     visit("base_frame", self.base_frame, kBaseFrameDoc);
-    visit("dem", self.dem,
-          "path of the elevation, as that of grid_mapping; empty: level ground, scouting.height_m below the begin");
+    ElevationParams::fields(self.elevation, visit);
     visit("timeout_s", self.timeout_s, Bounds{0.1, 1000.0}, "s",
           "where targets are older the vehicle holds, until the way home is due");
     visit("resume", self.resume, "");
