@@ -118,14 +118,15 @@ class GridMappingTest(unittest.TestCase):
         namespaces = {marker.ns for message in self.markers.messages for marker in message.markers}
         self.assertLessEqual({"target", "region", "label"}, namespaces)
 
+    def keys(self):
+        """Of what the stage has reported so far."""
+        return {value.key for message in self.diagnostics.messages for status in message.status
+                if "grid_mapping" in status.name for value in status.values}
+
     @fault("label images that cannot be used", "another encoding, too little data, another size than that of the camera, "
            "a number of 7", "each is dropped or, of the number, not used, and counted by its reason", times=4)
     def test_images_that_cannot_be_used_are_counted(self):
         self.stay_until(self.images[-1].header.stamp + rospy.Duration(0.005))
-
-        def keys():
-            return {value.key for message in self.diagnostics.messages for status in message.status
-                    if "grid_mapping" in status.name for value in status.values}
 
         def smaller(msg):
             msg.width -= 1
@@ -139,7 +140,17 @@ class GridMappingTest(unittest.TestCase):
             bad.header.stamp += rospy.Duration(0, 10 * (i + 1))
             spoil(bad)
             self.publishers["/camera/labels"].publish(bad)
-            wait_until(lambda reason=reason: any(reason in key for key in keys()), 10.0, reason)
+            wait_until(lambda reason=reason: any(reason in key for key in self.keys()), 10.0, reason)
+
+    def test_images_that_tell_nothing_are_counted_and_the_targets_stay(self):
+        unknown = copy.deepcopy(self.images[-1])
+        unknown.header.stamp += rospy.Duration(0, 100)
+        unknown.data = np.full(unknown.height * unknown.width, 0.5, dtype="<f4").tobytes()
+        self.stay_until(unknown.header.stamp + rospy.Duration(0.006))
+        self.publishers["/camera/labels"].publish(unknown)
+        wait_until(lambda: self.targets.messages[-1].header.stamp == unknown.header.stamp, 10.0, "targets")
+        self.assertEqual(len(self.targets.messages[-1].targets), 4)
+        wait_until(lambda: any("no label is known" in key for key in self.keys()), 10.0, "the reason")
 
     def test_zz_reset_forgets_the_targets(self):  # the last one
         self.assertTrue(rospy.ServiceProxy("/grid_mapping/reset", Trigger)().success)
