@@ -5,10 +5,14 @@
 
 #include "situation_awareness/common/format.hpp"
 #include "situation_awareness/ros/convert/cloud.hpp"
+#include "situation_awareness/ros/convert/compressed_image.hpp"
 #include "situation_awareness/ros/convert/labels.hpp"
 
 namespace situation_awareness {
 namespace {
+
+/// So many compressed images are decoded to know their format.
+constexpr std::size_t kDecoded = 3;
 
 void add_defects(const Counters& defects, std::size_t all, const char* remedy, TopicReport& report) {
   for (const auto& [reason, count] : defects) {
@@ -20,26 +24,30 @@ void add_defects(const Counters& defects, std::size_t all, const char* remedy, T
 
 }  // namespace
 
-void ImageTopicCheck::look(const sensor_msgs::Image& msg) {
-  if (stamps_.count() == 1) encoding_ = msg.encoding;
-  const std::string not_labels = labels_msg_defect(msg);
-  const std::string defect = not_labels.empty() ? "" : image_msg_defect(msg);
+void ImageFormat::look_at(const sensor_msgs::Image& image) {
+  ++images_;
+  const std::string not_labels = labels_msg_defect(image);
+  const std::string defect = not_labels.empty() ? "" : image_msg_defect(image);
   if (!defect.empty()) {
     ++defects_[defect];
     return;
   }
   if (first_) return;
   are_labels_ = not_labels.empty();
-  first_ = msg;
+  first_ = image;
   first_->data.clear();
 }
 
-void ImageTopicCheck::add_to(TopicReport& report) const {
-  add_defects(defects_, stamps_.count(), "publish them in an encoding that is read (docs/offline.md)", report);
+void ImageFormat::report_format(TopicReport& report) const {
+  add_defects(defects_, images_, "publish them in an encoding that is read (docs/ros.md)", report);
   if (first_) {
-    report.facts.push_back(formatted("%u x %u pixels, %s, read as %s", first_->width, first_->height, encoding_.c_str(),
-                                     are_labels_ ? "labels" : "a picture, for the network"));
+    report.facts.push_back(formatted("%u x %u pixels, %s, read as %s", first_->width, first_->height,
+                                     first_->encoding.c_str(), are_labels_ ? "labels" : "a picture, for the network"));
   }
+}
+
+void CompressedImageTopicCheck::look(const sensor_msgs::CompressedImage& msg) {
+  if (stamps_.count() <= kDecoded) look_at(*decompressed(msg));
 }
 
 void CameraInfoTopicCheck::look(const sensor_msgs::CameraInfo& msg) {
@@ -72,11 +80,12 @@ void CloudTopicCheck::look(const sensor_msgs::PointCloud2& msg) {
     for (const sensor_msgs::PointField& field : msg.fields) fields_ += (fields_.empty() ? "" : " ") + field.name;
   }
   ++good_;
-  const std::optional<CloudTimes> times = cloud_msg_times(msg);
-  if (!times) ++with_bad_times_;
-  if (times && times->last_s > times->first_s) {
+  const CloudMsgTimes times = cloud_msg_times(msg, times_);
+  if (times.has_field && !times.scale) ++with_bad_times_;
+  const CloudTimes range = times.times();
+  if (range.last_s > range.first_s) {
     ++with_times_;
-    longest_s_ = std::max(longest_s_, times->last_s - times->first_s);
+    longest_s_ = std::max(longest_s_, range.last_s - range.first_s);
   }
 }
 

@@ -20,6 +20,8 @@
 #include "situation_awareness/ros/check/motion.hpp"
 #include "situation_awareness/ros/check/scanner_motion.hpp"
 #include "situation_awareness/ros/check/scans.hpp"
+#include "situation_awareness/ros/convert/camera.hpp"
+#include "situation_awareness/ros/convert/compressed_image.hpp"
 #include "situation_awareness/ros/gps_ins_input.hpp"
 #include "situation_awareness/ros/pose_offset_report.hpp"
 
@@ -271,21 +273,27 @@ void RecordingCheck::look_at_odometry() {
 }
 
 void RecordingCheck::choose_images() {
-  for (const ImageTopicCheck* images : checks_of<ImageTopicCheck>()) {
-    if (!images->first()) continue;
-    for (const CameraInfoTopicCheck* camera : checks_of<CameraInfoTopicCheck>()) {
-      const auto& info = camera->first();
-      if (!info || info->width != images->first()->width || info->height != images->first()->height) continue;
-      if (!plan_.image_topic.empty() && !(images->are_labels() && !plan_.are_labels)) continue;
-      plan_.image_topic = images->topic();
-      plan_.camera_info_topic = camera->topic();
-      plan_.are_labels = images->are_labels();
-      if (!plan_.has_scans()) plan_.sensor_frame = images->frame();
+  for (const auto& check : checks_) {
+    const auto* const images = dynamic_cast<const ImageFormat*>(check.get());
+    if (images == nullptr || !images->first()) continue;
+    const CameraInfoTopicCheck* camera = nullptr;
+    for (const CameraInfoTopicCheck* info : checks_of<CameraInfoTopicCheck>()) {
+      if (camera == nullptr && info->first() && is_size_of(*info->first(), *images->first())) camera = info;
     }
-    if (plan_.image_topic.empty()) {
-      findings_.push_back({images->topic() + " has no sensor_msgs/CameraInfo of its size",
+    if (camera == nullptr) {
+      findings_.push_back({check->topic() + " has no sensor_msgs/CameraInfo of its size",
                            "record the camera_info of the camera beside its images"});
+      continue;
     }
+    const std::string topic = without_transport(check->topic());
+    const CameraModel model = camera_model(*camera->first(), *images->first(), image_kind("auto", topic));
+    if (!model.defect.empty()) findings_.push_back({camera->topic() + ": " + model.defect, "docs/ros.md"});
+    if (!model.assumed.empty()) findings_.push_back({check->topic() + ": " + model.assumed, "docs/ros.md"});
+    if (!plan_.image_topic.empty() && (plan_.are_labels || !images->are_labels())) continue;
+    plan_.image_topic = topic;
+    plan_.camera_info_topic = camera->topic();
+    plan_.are_labels = images->are_labels();
+    if (!plan_.has_scans()) plan_.sensor_frame = check->frame();
   }
   plan_.dem = dem_;
   if (!plan_.image_topic.empty() && dem_.empty()) {

@@ -11,6 +11,7 @@ std::unique_ptr<TopicCheck> make_topic_check(const std::string& topic, const std
   if (datatype == "sensor_msgs/LaserScan") return std::make_unique<ScanTopicCheck>(topic);
   if (datatype == "sensor_msgs/PointCloud2") return std::make_unique<CloudTopicCheck>(topic);
   if (datatype == "sensor_msgs/Image") return std::make_unique<ImageTopicCheck>(topic);
+  if (datatype == "sensor_msgs/CompressedImage") return std::make_unique<CompressedImageTopicCheck>(topic);
   if (datatype == "sensor_msgs/CameraInfo") return std::make_unique<CameraInfoTopicCheck>(topic);
   if (datatype == "sensor_msgs/Imu") return std::make_unique<ImuTopicCheck>(topic);
   if (datatype == "sensor_msgs/NavSatFix") return std::make_unique<FixTopicCheck>(topic);

@@ -6,32 +6,52 @@
 #include <string>
 
 #include <sensor_msgs/CameraInfo.h>
+#include <sensor_msgs/CompressedImage.h>
 #include <sensor_msgs/Image.h>
 #include <sensor_msgs/PointCloud2.h>
 
 #include "situation_awareness/common/counters.hpp"
 #include "situation_awareness/ros/check/topic_check.hpp"
+#include "situation_awareness/scan/cloud_times.hpp"
 
 namespace situation_awareness {
 
-/// Size and encoding of the images of a topic.
-class ImageTopicCheck : public MessageCheck<sensor_msgs::Image> {
+/// Size and encoding of images.
+class ImageFormat {
  public:
-  using MessageCheck::MessageCheck;
-
   /// Labels, one number per pixel, not colours or greys.
   bool are_labels() const { return are_labels_; }
+  /// The first that can be used, without its pixels.
   const std::optional<sensor_msgs::Image>& first() const { return first_; }
 
  protected:
-  void look(const sensor_msgs::Image& msg) override;
-  void add_to(TopicReport& report) const override;
+  ~ImageFormat() = default;
+  void look_at(const sensor_msgs::Image& image);
+  void report_format(TopicReport& report) const;
 
  private:
   bool are_labels_ = false;
-  std::optional<sensor_msgs::Image> first_;  ///< that can be used, without its pixels
+  std::optional<sensor_msgs::Image> first_;
   Counters defects_;
-  std::string encoding_;
+  std::size_t images_ = 0;
+};
+
+class ImageTopicCheck : public MessageCheck<sensor_msgs::Image>, public ImageFormat {
+ public:
+  using MessageCheck::MessageCheck;
+
+ protected:
+  void look(const sensor_msgs::Image& msg) override { look_at(msg); }
+  void add_to(TopicReport& report) const override { report_format(report); }
+};
+
+class CompressedImageTopicCheck : public MessageCheck<sensor_msgs::CompressedImage>, public ImageFormat {
+ public:
+  using MessageCheck::MessageCheck;
+
+ protected:
+  void look(const sensor_msgs::CompressedImage& msg) override;
+  void add_to(TopicReport& report) const override { report_format(report); }
 };
 
 /// The cameras of a topic.
@@ -63,6 +83,7 @@ class CloudTopicCheck : public MessageCheck<sensor_msgs::PointCloud2> {
 
  private:
   Counters defects_;
+  CloudTimeReader times_;
   std::size_t good_ = 0, with_times_ = 0, with_bad_times_ = 0;
   std::size_t rows_ = 0, columns_ = 0;  ///< of the first that can be used
   std::string fields_;
