@@ -250,6 +250,17 @@ TEST(CameraModels, KnowTheModelsOfDistortion) {
   EXPECT_EQ(model_of("inverse_brown_conrady", {0.0, 0.0}).defect, "");  // none
 }
 
+TEST(CameraModels, OfRawImagesAreTurnedAsRectifiedOnesAre) {
+  sensor_msgs::CameraInfo info = info_of(100, 80);
+  info.R = {0.0, -1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0};
+  const CameraModel raw = camera_model(info, sized(100, 80), ImageKind::kRaw);
+  ASSERT_TRUE(raw.distortion);
+  EXPECT_EQ(raw.distortion->R_rectified_camera(0, 1), -1.0);
+  EXPECT_FALSE(camera_model(info, sized(100, 80), ImageKind::kAuto).distortion);  // without distortion it is as it is
+  info.R.fill(0.0);                                                               // none is given
+  EXPECT_FALSE(camera_model(info, sized(100, 80), ImageKind::kRaw).distortion);
+}
+
 TEST(CameraModels, FollowTheRegionOfInterestAndBinning) {
   sensor_msgs::CameraInfo info = info_of(100, 80);
   info.binning_x = info.binning_y = 2;

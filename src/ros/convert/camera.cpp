@@ -137,8 +137,8 @@ CameraModel camera_model(const sensor_msgs::CameraInfo& info, const sensor_msgs:
   const Matrix K = k_of(info), P = p_of(info);
   const bool has_p = P.is_finite() && P.has_focal_length(), is_p_other = has_p && !P.is_same(K);
   // An equidistant camera is no pinhole camera, also where D is 0.
-  const bool is_bent = is_equidistant(info) || !rotation_of(info).isIdentity(0.0) ||
-                       std::any_of(info.D.begin(), info.D.end(), [](double d) { return d != 0.0; });
+  const bool is_bent =
+      is_equidistant(info) || std::any_of(info.D.begin(), info.D.end(), [](double d) { return d != 0.0; });
   if (kind == ImageKind::kAuto && is_bent) {
     if (!is_p_other) {
       model.defect = "camera_info with distortion, whose P is no other than K: image_kind must say rectified or raw";
@@ -163,7 +163,7 @@ CameraModel camera_model(const sensor_msgs::CameraInfo& info, const sensor_msgs:
   if (!model.defect.empty()) return model;
   model.camera = camera_of(matrix, *window, image);
   model.matrices = is_by_p ? "P" : "K";
-  if (kind == ImageKind::kRaw && is_bent) {
+  if (kind == ImageKind::kRaw && (is_bent || !rotation_of(info).isIdentity(0.0))) {
     model.matrices = "K and D";
     set_distortion(info, model);
   }
