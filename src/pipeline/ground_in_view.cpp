@@ -25,6 +25,8 @@ constexpr double kFineStep_m = 0.5, kFineCell_m = 1.0, kSharp_m = 3.0, kSharp = 
 /// Images that agree, at least, and the part of all; that and more of them is one height if it spans no more.
 constexpr int kLeastImages = 4;
 constexpr double kLeastPart = 0.6, kOneHeight_m = 20.0;
+/// The same where few images show one thing, in a range of heights: images that meet beyond one's own.
+constexpr double kNear_m = 30.0, kLeastExcess = 0.3, kManyTimes = 3.0;
 /// Steps to find where a direction meets the ground.
 constexpr int kSteps = 4;
 
@@ -191,7 +193,21 @@ GroundInView::Height GroundInView::find_height() const {
     low_m = std::min(low_m, height_m);
     high_m = std::max(high_m, height_m);
   }
-  if (low_m > high_m || high_m - low_m > kOneHeight_m) return {};
+  if (low_m > high_m || high_m - low_m > kOneHeight_m) {
+    // Of a flight past many things a few images show the same one: there more meet than by chance.
+    double best_m = 0.0, most = kLeastExcess;
+    const auto excess = [this](double height_m) { return meeting(height_m, kFineCell_m).mean - 1.0; };
+    for (double height_m = -kNear_m; height_m <= kNear_m; height_m += kFineStep_m) {
+      const double here = excess(height_m);
+      if (here <= most) continue;
+      most = here;
+      best_m = height_m;
+    }
+    const bool is_sharp = most > kLeastExcess && most > kManyTimes * excess(best_m - kSharp_m) &&
+                          most > kManyTimes * excess(best_m + kSharp_m);
+    if (!is_sharp || std::abs(best_m - kMiddle_m) < kOwnError_m) return {};
+    return {best_m - kMiddle_m, true};
+  }
   const std::optional<double> sharp_m = sharp_height_m(low_m - kHeightStep_m, high_m + kHeightStep_m);
   const double height_m = sharp_m.value_or(0.5 * (low_m + high_m));
   if (std::abs(height_m) < kOwnError_m) return {};

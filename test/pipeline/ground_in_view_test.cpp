@@ -80,6 +80,25 @@ TEST(GroundInView, TellsAHeightThatMakesTargetsWrongToHalfAMetre) {
   for (const double elevation_m : {-2.0, 0.0, 2.0}) EXPECT_EQ(around(elevation_m).why_wrong_targets(), "");
 }
 
+TEST(GroundInView, TellsAHeightAlsoOfThingsThatFewImagesShow) {
+  std::vector<Eigen::Vector3d> cars;
+  for (int k = 0; k < 12; ++k) cars.emplace_back(-70.0 + 13.0 * k, k % 3 == 0 ? 9.0 : -4.0 * (k % 3), 0.7);
+  for (const double elevation_m : {-9.0, -4.0, 0.0, 4.0, 9.0}) {
+    GroundInView view(level(elevation_m), 220.0);
+    for (int k = 0; k < 16; ++k) {
+      const Eigen::Vector3d from(-80.0 + 9.0 * k, 25.0 * (k % 2 == 0 ? 1.0 : -1.0), 22.0);
+      const auto T = looking(from, {from.x() + 4.0, 0.0, 0.0});
+      view.add(labels_of(T, cars), T, kSeen);
+    }
+    if (elevation_m == 0.0) {
+      EXPECT_EQ(view.why_wrong_targets(), "");
+      continue;
+    }
+    ASSERT_NE(view.why_wrong_targets(), "") << elevation_m;
+    EXPECT_NEAR(*view.agreed_height_m(), -elevation_m, 0.6);
+  }
+}
+
 TEST(GroundInView, SaysNothingOfHeightsWhereTheyAreRight) {
   EXPECT_EQ(around(0.0).why_no_target(), "");
   EXPECT_EQ(around(1.5).why_no_target(), "");
