@@ -10,6 +10,7 @@ void add_bag_options(CommandLine& app, BagOptions& options, const std::string& d
   app.add_option("IN.bag", options.bags, "the bag; all of them, if the recording was split")
       .required()
       .type_name("")
+      .default_str("")
       .take_all();
   app.add_option("--world-frame", options.world_frame, "frame of the map, found among the transforms")
       .type_name("NAME");
