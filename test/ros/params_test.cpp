@@ -366,9 +366,8 @@ TEST(CircumnavigateNodeletParams, DeclareAllTheirMembers) {
 
 TEST(ScoutNodeletParams, DeclareAllTheirMembers) {
   // What was unknown, and the nodelet's, which are declared in its place.
-  EXPECT_EQ(declared_size<ScoutNodeletParams>(),
-            aggregate_size<ScoutNodeletParams>() - 3 + declared_size<NodeletParams>() +
-                declared_size<ElevationParams>());
+  EXPECT_EQ(declared_size<ScoutNodeletParams>(), aggregate_size<ScoutNodeletParams>() - 3 +
+                                                     declared_size<NodeletParams>() + declared_size<ElevationParams>());
   EXPECT_EQ(declared_size<ScoutingParams>() + 1, aggregate_size<ScoutingParams>());
 }
 
