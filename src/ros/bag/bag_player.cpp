@@ -258,7 +258,7 @@ void BagPlayer::print_summary() const {
               recorded_s_ / std::max(wall_s_, 1e-9));
   for (const auto& warnings : warnings_) {
     for (const std::string& sentence : warnings()) {
-      std::fprintf(stderr, "%s: warning: %s\n", options_.bag.c_str(), sentence.c_str());
+      std::fprintf(stderr, "%s: warning: %s\n", recording_name(options_.bags).c_str(), sentence.c_str());
     }
   }
 }
