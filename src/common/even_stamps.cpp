@@ -10,7 +10,7 @@ namespace situation_awareness {
 namespace {
 
 /// Stamps, and bunches of them, by which it is told whether they are bunched.
-constexpr std::size_t kFewest = 40, kFewestBunches = 4;
+constexpr std::size_t kFewest = 40, kFewestBunches = 3;
 /// A gap is one within a bunch below this share of the mean gap, and one between bunches above that; white jitter of a
 /// fifth of the period makes one in 300 gaps so small.
 constexpr double kWithinBunch = 0.25, kBetweenBunches = 1.0;

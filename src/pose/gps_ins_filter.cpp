@@ -482,11 +482,13 @@ GpsInsVerdict GpsInsFilter::apply(Moment& moment, const GpsInsMeasurement& measu
       const Eigen::Matrix3d S = transformed(H, moment.estimate.P) + R;
       const bool is_off = !measurement.is_level && is_off_in_height(moment, nu, S, measurement.covariance(2, 2));
       if (!is_off && !measurement.is_level) return correct<3>(moment, nu, H, R, 3);
-      // The height says nothing of the state, nor of which filter is the likeliest.
+      // The height says nothing of the state, nor of how the error of fixes is correlated.
       nu.z() = 0.0;
       H.row(2).setZero();
       R.row(2) = R.col(2).transpose() = Eigen::RowVector3d(0.0, 0.0, measurement.covariance(2, 2));
       GpsInsVerdict verdict = correct<3>(moment, nu, H, R, 3);
+      if (is_off && !moment.is_yaw_known)
+        moment.log_likelihood -= 0.5 * gates_[1];  // a wrong yaw is off in height, too
       verdict.is_height_refused = is_off && verdict.is_accepted;
       verdict.nis *= 1.5;  // of two degrees of freedom
       return verdict;
