@@ -2,12 +2,11 @@
 #include "situation_awareness/pipeline/ground_in_view.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <cstdio>
 #include <tuple>
 #include <utility>
 
+#include "situation_awareness/common/format.hpp"
 #include "situation_awareness/geometry/angles.hpp"
 
 namespace situation_awareness {
@@ -31,13 +30,6 @@ constexpr double kNear_m = 30.0, kLeastExcess = 0.3, kManyTimes = 3.0;
 constexpr int kSteps = 4;
 
 bool is_class(float p) { return p > 0.5F; }
-
-template <class... Values>
-std::string formatted(const char* format, Values... values) {
-  std::array<char, 256> text{};
-  std::snprintf(text.data(), text.size(), format, values...);
-  return text.data();
-}
 
 }  // namespace
 

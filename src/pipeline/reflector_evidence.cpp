@@ -2,22 +2,18 @@
 #include "situation_awareness/pipeline/reflector_evidence.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <cstdio>
 #include <cstring>
 #include <numeric>
+
+#include "situation_awareness/common/format.hpp"
 
 namespace situation_awareness {
 namespace {
 
 /// "max_radius_m 0.1": the parameter that refuses runs of bright beams for a reason.
 std::string parameter_of(const std::string& reason, const ReflectorDetectionParams& params) {
-  const auto text = [](const char* name, double value) {
-    std::array<char, 64> text{};
-    std::snprintf(text.data(), text.size(), "reflectors/%s %g", name, value);
-    return std::string(text.data());
-  };
+  const auto text = [](const char* name, double value) { return formatted("reflectors/%s %g", name, value); };
   if (reason == "dim") return text("min_peak_intensity", params.min_peak_intensity);
   if (reason == "far") return text("max_range_m", params.max_range_m);
   if (reason == "near") return text("min_range_m", params.min_range_m);
@@ -113,12 +109,10 @@ std::string ReflectorEvidence::proposal() const {
   if (!groups) return "";
   const bool is_between = params_.min_intensity >= groups->lower_to && params_.min_peak_intensity <= groups->upper_from;
   if (is_between) return "";
-  std::array<char, 192> text{};
-  std::snprintf(text.data(), text.size(),
-                "; the intensities are in two groups, up to %.3g and from %.3g on: set reflectors/min_intensity and "
-                "reflectors/min_peak_intensity to %g",
-                groups->lower_to, groups->upper_from, groups->between);
-  return text.data();
+  return formatted(
+      "; the intensities are in two groups, up to %.3g and from %.3g on: set reflectors/min_intensity and "
+      "reflectors/min_peak_intensity to %g",
+      groups->lower_to, groups->upper_from, groups->between);
 }
 
 std::string ReflectorEvidence::why_none() const {
@@ -126,25 +120,23 @@ std::string ReflectorEvidence::why_none() const {
   const std::string no_hit = states_.why_no_hit();
   if (!no_hit.empty() || states_.scans() == 0) return no_hit;
   if (beams_ == 0) return "the scans have no intensities, by which reflectors are told from other things";
-  std::array<char, 160> text{};
   const auto brightest = static_cast<double>(brightest_), dimmest = static_cast<double>(dimmest_);
   if (brightest < params_.min_intensity) {
-    std::snprintf(text.data(), text.size(), "the brightest beam is %g, below reflectors/min_intensity %g", brightest,
-                  params_.min_intensity);
-    return text.data() + proposal();
+    return formatted("the brightest beam is %g, below reflectors/min_intensity %g", brightest, params_.min_intensity) +
+           proposal();
   }
   if (brightest < params_.min_peak_intensity) {
-    std::snprintf(text.data(), text.size(), "the brightest beam is %g, below reflectors/min_peak_intensity %g",
-                  brightest, params_.min_peak_intensity);
-    return text.data() + proposal();
+    return formatted("the brightest beam is %g, below reflectors/min_peak_intensity %g", brightest,
+                     params_.min_peak_intensity) +
+           proposal();
   }
   const auto most = std::max_element(refused_.begin(), refused_.end(),
                                      [](const auto& a, const auto& b) { return a.second < b.second; });
-  std::snprintf(text.data(), text.size(), "the intensities are %g to %g, and reflectors/min_intensity is %g", dimmest,
-                brightest, params_.min_intensity);
-  if (most == refused_.end()) return "no beams are bright side by side: " + std::string(text.data()) + proposal();
+  const std::string intensities = formatted("the intensities are %g to %g, and reflectors/min_intensity is %g", dimmest,
+                                            brightest, params_.min_intensity);
+  if (most == refused_.end()) return "no beams are bright side by side: " + intensities + proposal();
   return "no run of bright beams is a reflector: " + std::to_string(most->second) + " are " + most->first + " (" +
-         parameter_of(most->first, params_) + "); " + text.data() + proposal();
+         parameter_of(most->first, params_) + "); " + intensities + proposal();
 }
 
 }  // namespace situation_awareness

@@ -11,7 +11,7 @@
 namespace situation_awareness {
 namespace {
 
-// Chosen on drives of test/pipeline/scanner_check_test.cpp.
+// Chosen on drives of test/system/pose_offset_test.cpp.
 
 /// Between scans that are used, and at most: what lies between them is matched.
 constexpr double kMinOrderPeriod_s = 0.07;

@@ -2,11 +2,10 @@
 #include "situation_awareness/pipeline/scanner_check.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <cstdio>
 #include <utility>
 
+#include "situation_awareness/common/format.hpp"
 #include "situation_awareness/common/time.hpp"
 #include "situation_awareness/points/horizontal_projection.hpp"
 
@@ -18,6 +17,11 @@ constexpr double kStampTolerance = 0.2;
 /// A value for "nothing there" is proposed after so many scans, where it is this part of all beams.
 constexpr std::uint64_t kMinScansOfValue = 50;
 constexpr double kMinPartOfValue = 0.02;
+
+/// The order of beams shows itself where the scanner turns by this from the first beam to the last, and in so many of
+/// such scans or not at all.
+constexpr double kLeastTurn_rad = 1e-3;
+constexpr std::uint64_t kMostScansOfOrder = 3000;
 
 double part_of_sweep(const std::string& stamp_at) {
   if (stamp_at == "first") return 0.0;
@@ -54,6 +58,11 @@ void ScannerCheck::add(const Scan& scan, const Points& points, const Eigen::Isom
   sweep_s_ = steps * scan.time_increment_s;
   if (order_.order() != Order::kReversed) as_said_.add(points);
   if (!(sweep_s_ > 0.0) || order_.order() == Order::kAsSaid) return;
+  if (order_.order() != Order::kReversed) {
+    const Eigen::Matrix3d turn = T_world_lidar.linear().transpose() * T_world_lidar_end.linear();
+    if (scans_of_order_ == kMostScansOfOrder || Eigen::AngleAxisd(turn).angle() < kLeastTurn_rad) return;
+    ++scans_of_order_;
+  }
   // Measured the other way round the first beam is the last: its pose is that of the level frame, at its time.
   reversed_points_ = project_horizontally(scan, T_world_lidar_end, T_world_lidar, std::move(reversed_points_));
   reversed_points_.stamp_ns += nanoseconds(sweep_s_);
@@ -97,12 +106,10 @@ std::vector<std::string> ScannerCheck::advice() const {
   if (!stamp_at.empty()) {
     const double offset_s = pose_offset().estimate().offset_s;
     const double late_s = part_of_sweep(scanner_.stamp_at) * sweep_s_ + pose_offset().used_offset_s() - offset_s;
-    std::array<char, 256> text{};
-    std::snprintf(text.data(), text.size(),
-                  "the stamp of a scan of %.3f s is %.3f s after its first beam: set scan/stamp_at to %s, not %s, "
+    sentences.push_back(
+        formatted("the stamp of a scan of %.3f s is %.3f s after its first beam: set scan/stamp_at to %s, not %s, "
                   "and leave scan_pose_offset_s",
-                  sweep_s_, late_s, stamp_at.c_str(), scanner_.stamp_at.c_str());
-    sentences.emplace_back(text.data());
+                  sweep_s_, late_s, stamp_at.c_str(), scanner_.stamp_at.c_str()));
   }
   return sentences;
 }
@@ -112,22 +119,17 @@ std::string ScannerCheck::no_return_advice() const {
   const bool is_zero = zero_ >= nan_;
   const double part = percent(is_zero ? zero_ : nan_, beams_);
   if (part < 100.0 * kMinPartOfValue) return "";
-  std::array<char, 320> text{};
-  std::snprintf(
-      text.data(), text.size(),
+  return formatted(
       "no beam of %llu scans says that nothing is there (+inf, or range_max), and %.0f %% are %s, which is no "
       "information: where the driver sends that for nothing there, set scan/no_return to %s",
       static_cast<unsigned long long>(scans_), part, is_zero ? "0" : "NaN", is_zero ? "zero" : "nan");
-  return text.data();
 }
 
 std::string ScannerCheck::no_return_text() const {
   const std::string advice = no_return_advice();
   if (!advice.empty()) return advice;
-  std::array<char, 96> text{};
-  std::snprintf(text.data(), text.size(), "%.1f %% of the beams, and %.1f %% are 0, %.1f %% NaN",
-                percent(nothing_, beams_), percent(zero_, beams_), percent(nan_, beams_));
-  return text.data();
+  return formatted("%.1f %% of the beams, and %.1f %% are 0, %.1f %% NaN", percent(nothing_, beams_),
+                   percent(zero_, beams_), percent(nan_, beams_));
 }
 
 }  // namespace situation_awareness

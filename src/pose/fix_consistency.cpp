@@ -2,10 +2,9 @@
 #include "situation_awareness/pose/fix_consistency.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <cstdio>
 
+#include "situation_awareness/common/format.hpp"
 #include "situation_awareness/common/time.hpp"
 
 namespace situation_awareness {
@@ -79,7 +78,6 @@ void FixConsistency::add_altitude(std::int64_t stamp_ns, double altitude_m, doub
 }
 
 std::string FixConsistency::contradiction(double most_late_s) const {
-  std::array<char, 320> text{};
   const std::optional<Lead> by = lead();
   if (by) {
     const double most_s = kLeadSigmas * by->sigma_s + (by->lead_s > 0.0 ? kMostLead_s : most_late_s);
@@ -88,19 +86,15 @@ std::string FixConsistency::contradiction(double most_late_s) const {
       const char* const cause = !is_leap           ? "the clocks of both must be the same"
                                 : by->lead_s > 0.0 ? "as GPS time is of UTC: fixes must be stamped in UTC"
                                                    : "as UTC is of GPS time: samples must be stamped in UTC";
-      std::snprintf(text.data(), text.size(),
-                    "the stamps of the fixes are %.*f s %s those of the IMU, by when both were received (%s)",
-                    is_leap ? 0 : 1, std::abs(by->lead_s), by->lead_s > 0.0 ? "ahead of" : "behind", cause);
-      return text.data();
+      return formatted("the stamps of the fixes are %.*f s %s those of the IMU, by when both were received (%s)",
+                       is_leap ? 0 : 1, std::abs(by->lead_s), by->lead_s > 0.0 ? "ahead of" : "behind", cause);
     }
   }
   if (!has_jumped_) return "";
-  std::snprintf(
-      text.data(), text.size(),
+  return formatted(
       "the altitude of the fixes jumps by %.1f m: does the receiver switch between heights above the ellipsoid "
       "and above the sea",
       jump_m_);
-  return text.data();
 }
 
 }  // namespace situation_awareness

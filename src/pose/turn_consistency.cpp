@@ -4,8 +4,8 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdio>
 
+#include "situation_awareness/common/format.hpp"
 #include "situation_awareness/common/time.hpp"
 #include "situation_awareness/geometry/angles.hpp"
 
@@ -148,12 +148,10 @@ std::string TurnConsistency::contradiction() const {
     const double off = std::abs(turns->ratio - known.ratio);
     if (off < std::max(kSameRatio * std::abs(known.ratio), kSameSigmas * turns->sigma)) cause = known.text;
   }
-  std::array<char, 320> text{};
-  std::snprintf(text.data(), text.size(),
-                "the rates of the IMU and the fixes contradict each other: the rates turn %.3g times as far as the "
-                "course by the fixes (%s)",
-                turns->ratio, cause);
-  return text.data();
+  return formatted(
+      "the rates of the IMU and the fixes contradict each other: the rates turn %.3g times as far as the "
+      "course by the fixes (%s)",
+      turns->ratio, cause);
 }
 
 }  // namespace situation_awareness

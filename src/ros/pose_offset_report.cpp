@@ -1,20 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "situation_awareness/ros/pose_offset_report.hpp"
 
-#include <array>
-#include <cstdio>
+#include "situation_awareness/common/format.hpp"
 
 namespace situation_awareness {
-namespace {
-
-std::string formatted(const char* format, double a, double b) {
-  std::array<char, 128> text{};
-  std::snprintf(text.data(), text.size(), format, a, b);
-  return text.data();
-}
-
-}  // namespace
-
 std::string pose_offset_advice(const PoseOffsetEstimator& estimator) {
   if (!is_out_of_step(estimator.estimate(), estimator.used_offset_s())) return "";
   return formatted("scans and poses are out of step: set scan_pose_offset_s to %.3f, not %.3f",

@@ -138,7 +138,15 @@ class CheckBagTest(BagToolTest):
                     setattr(msg.linear_acceleration, axis, getattr(msg.linear_acceleration, axis) / 9.80665)
             return topic, msg
 
+        def on_its_side(topic, msg):
+            if topic == "/imu":
+                msg.header.frame_id = "case"
+                force = msg.linear_acceleration
+                force.y, force.z = force.z, -force.y
+            return topic, msg
+
         for alter, words in (
+                (on_its_side, "does not stand upright"),
                 (later("/fix", 18.0), "18 s ahead of UTC"),
                 (later("/imu", -5.0), "stamped 5.0"),
                 (fields("/fix", altitude=math.nan), "have no altitude"),

@@ -170,6 +170,10 @@ CASES = [
     Case("no_frame_id", "polygons_bag", polygons(frames=("", "")), "/odom has no frame_id", "--odom-frame"),
     Case("no_child_frame_id", "polygons_bag", polygons(frames=("odom", "")), "/odom has no child_frame_id", "--base-frame"),
     Case("no_child_frame_id_of_survey", "record_reflectors", reflectors(frames=("odom", "")), "/odom has no child_frame_id"),
+    # TF has the poses: odometry would only name the base.
+    Case("no_frame_id_by_tf", "polygons_bag", polygons_by_tf(frames=("", "")), code=0),
+    Case("no_child_frame_id_by_tf", "polygons_bag", polygons_by_tf(frames=("odom", "")), code=0),
+    Case("other_child_frame_id_by_tf", "polygons_bag", polygons_by_tf(frames=FOOTPRINT), code=0),
     Case("frames_given", "polygons_bag", polygons("--odom-frame", "odom", "--base-frame", "base_link", frames=("", "")),
          code=0),
     Case("other_child_frame_id", "polygons_bag", polygons(frames=FOOTPRINT), "TF does not connect base_footprint with laser, it has no frame base_footprint"),

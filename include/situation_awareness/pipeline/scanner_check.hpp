@@ -54,6 +54,7 @@ class ScannerCheck {
   ScanOrderEstimator order_;
   Points reversed_points_;
   double sweep_s_ = 0.0;  ///< of the latest scan
+  std::uint64_t scans_of_order_ = 0;  ///< by which the order of beams was looked for
   std::uint64_t scans_ = 0, beams_ = 0, nothing_ = 0, zero_ = 0, nan_ = 0;
 };
 

@@ -3,12 +3,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <limits>
 #include <stdexcept>
 
 #include <cpl_conv.h>
 #include <ogr_srs_api.h>
+
+#include "situation_awareness/common/format.hpp"
 
 namespace situation_awareness {
 namespace {
@@ -56,12 +57,6 @@ std::string vertical_of(const Srs& srs) {
   if (code == "3855" || name.find("EGM2008") != std::string::npos) return "egm2008";
   if (text_of(OSRGetAttrValue(srs.get(), "VERT_DATUM", 1)) == "2002") return "ellipsoid";  // GDAL's datum type of it
   return name.empty() ? "a vertical CRS without a name" : name;
-}
-
-std::string formatted(const char* format, double one, double other = 0.0) {
-  std::array<char, 256> text{};
-  std::snprintf(text.data(), text.size(), format, one, other);
-  return text.data();
 }
 
 }  // namespace

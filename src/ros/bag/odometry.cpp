@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "situation_awareness/ros/bag/odometry.hpp"
 
+#include <algorithm>
 #include <stdexcept>
 #include <utility>
 
 #include <nav_msgs/Odometry.h>
+#include <tf2_msgs/TFMessage.h>
 
 #include "command_line.hpp"
 #include "situation_awareness/ros/bag/messages.hpp"
@@ -38,6 +40,28 @@ OdometryFrames odometry_frames(const BagOptions& bag, const OdometryOptions& opt
                              ": --odom-frame and --base-frame name the frames of odometry");
   }
   return frames;
+}
+
+std::string base_frame_by_tf(const BagOptions& bag, const OdometryOptions& options) {
+  if (!options.frames.base.empty()) return tf2_frame(options.frames.base);
+  if (bag.static_sensor) return "";
+  std::string base;
+  for_each_message<nav_msgs::Odometry>(bag, options.topic, [&base](const auto& msg) {
+    base = tf2_frame(msg->child_frame_id);
+    return false;
+  });
+  if (base.empty()) return base;
+  bool is_known = false;
+  const auto look = [&](const tf2_msgs::TFMessageConstPtr& msg) {
+    is_known = std::any_of(msg->transforms.begin(), msg->transforms.end(), [&base](const auto& transform) {
+      return tf2_frame(transform.child_frame_id) == base || tf2_frame(transform.header.frame_id) == base;
+    });
+    return !is_known;
+  };
+  for (const std::string& topic : {bag.tf_topic, bag.tf_topic + "_static"}) {
+    if (!is_known) for_each_message<tf2_msgs::TFMessage>(bag, topic, look);
+  }
+  return is_known ? base : "";
 }
 
 void subscribe_odometry_scans(BagPlayer& player, const std::string& odom_topic, const std::string& scan_topic,

@@ -252,8 +252,8 @@ class BagMap {
 };
 
 void map_by_tf(const Options& options, const Params& params) {
-  const OdometryFrames frames = odometry_frames(options.bag, options.reflectors.odometry);
-  BagPlayer player(options.bag, {frames.base});
+  const std::string base_frame = base_frame_by_tf(options.bag, options.reflectors.odometry);
+  BagPlayer player(options.bag, {base_frame});
   Output out(options);
   BagMap map(options, params);
   MapPipeline& pipeline = map.pipeline();
@@ -268,7 +268,7 @@ void map_by_tf(const Options& options, const Params& params) {
           const MapDelta& update = player.timed(
               [&]() -> const MapDelta& { return pipeline.process(scan, T_world_lidar, T_end, pose.covariance); });
           states.add(pipeline.points());
-          const bool has_base = !frames.base.empty();
+          const bool has_base = !base_frame.empty();
           pose.T_world_base =
               pose2_of(has_base ? player.T_world_base_at(scan.stamp_ns) : Eigen::Isometry3d(T_world_lidar));
           out.write(update, pose, pipeline);
@@ -278,7 +278,7 @@ void map_by_tf(const Options& options, const Params& params) {
   std::optional<BagImages> images;
   if (options.has("grid")) {
     images.emplace(player, options.bag, options.images, params.bag.grid, [&](const GridTargets& targets) {
-      if (!frames.base.empty()) pose.T_world_base = pose2_of(player.T_world_base_at(targets.stamp_ns));
+      if (!base_frame.empty()) pose.T_world_base = pose2_of(player.T_world_base_at(targets.stamp_ns));
       out.write(pipeline.take(targets), pose, pipeline);
     });
   }

@@ -177,8 +177,9 @@ void print_movers(const PolygonPipeline& pipeline) {
   std::printf("objects: %zu set off\n", pipeline.movers().set_off());
 }
 
-void map_by_tf(const Options& options, const Params& params, const OdometryFrames& frames) {
-  BagPlayer player(options.bag, {frames.base});
+void map_by_tf(const Options& options, const Params& params) {
+  const std::string base_frame = base_frame_by_tf(options.bag, options.reflectors.odometry);
+  BagPlayer player(options.bag, {base_frame});
   Output out(options);
   PolygonPipeline pipeline(params.polygons, params.objects);
   const Eigen::Matrix3d covariance =
@@ -187,7 +188,7 @@ void map_by_tf(const Options& options, const Params& params, const OdometryFrame
   const auto use = [&](const Scan& scan, const auto& T_world_lidar, const auto& T_end) {
     player.timed([&] { pipeline.process(scan, T_world_lidar, T_end, covariance); });
     const Eigen::Isometry3d T_world_base =
-        frames.base.empty() ? Eigen::Isometry3d(T_world_lidar) : player.T_world_base_at(scan.stamp_ns);
+        base_frame.empty() ? Eigen::Isometry3d(T_world_lidar) : player.T_world_base_at(scan.stamp_ns);
     out.write(scan, pose2_of(T_world_base), covariance, pipeline);
   };
   subscribe_scans_or_clouds(player, options.scan_topic, options.cloud_topic, params.polygons.scan, params.cloud, use);
@@ -198,7 +199,8 @@ void map_by_tf(const Options& options, const Params& params, const OdometryFrame
   out.finish();
 }
 
-void map_by_reflectors(const Options& options, const Params& params, const OdometryFrames& frames) {
+void map_by_reflectors(const Options& options, const Params& params) {
+  const OdometryFrames frames = odometry_frames(options.bag, options.reflectors.odometry);
   ReflectorPolygonPipeline pipeline(load_reflector_map(options.reflectors.reflectors), params.polygons, params.objects);
   BagPlayer player = player_by_odometry(options.bag, frames);
   Output out(options);
@@ -221,11 +223,10 @@ void map_by_reflectors(const Options& options, const Params& params, const Odome
 
 int polygons_bag(const Options& options) {
   const Params params = read_params(options);
-  const OdometryFrames frames = odometry_frames(options.bag, options.reflectors.odometry);
   if (options.localization == "tf") {
-    map_by_tf(options, params, frames);
+    map_by_tf(options, params);
   } else {
-    map_by_reflectors(options, params, frames);
+    map_by_reflectors(options, params);
   }
   return 0;
 }

@@ -28,6 +28,10 @@ void add_odometry_options(CommandLine& app, OdometryOptions& options);
 /// is no odometry. Throws std::runtime_error naming topic and field where the messages do not name one.
 OdometryFrames odometry_frames(const BagOptions& bag, const OdometryOptions& options);
 
+/// The base of a map by TF: that of the options, or else the child frame of odometry, where the transforms of the
+/// recording have it; else empty. Odometry that names another frame, or none, is not needed there.
+std::string base_frame_by_tf(const BagOptions& bag, const OdometryOptions& options);
+
 /// What to do with odometry and the scans that it places.
 struct UseOdometry {
   /// What it refuses is not used.
