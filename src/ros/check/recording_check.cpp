@@ -12,6 +12,7 @@
 #include <rosbag/message_instance.h>
 
 #include "situation_awareness/common/format.hpp"
+#include "situation_awareness/map/grid/elevation_file.hpp"
 #include "situation_awareness/ros/bag/bag_options.hpp"
 #include "situation_awareness/ros/bag/bag_player.hpp"
 #include "situation_awareness/ros/bag/recording.hpp"
@@ -78,7 +79,10 @@ std::string map_bag_line(const MapPlan& plan, const std::vector<std::string>& ba
     add("--kinds", plan.has_scans() ? "objects,polygons,splinegons,grid" : "grid");
     add(plan.are_labels ? "--labels-topic" : "--image-topic", plan.image_topic);
     add("--camera-info-topic", plan.camera_info_topic);
-    add("--dem", plan.dem);
+    add("--dem", plan.elevation.dem);
+    if (!plan.elevation.origin.empty()) add("--origin", plan.elevation.origin);
+    if (!plan.elevation.dem_vertical.empty()) add("--dem-vertical", plan.elevation.dem_vertical);
+    if (plan.elevation.dem_geoid_m != 0.0) add("--dem-geoid-m", formatted("%g", plan.elevation.dem_geoid_m));
   }
   return line + " --out map.jsonl";
 }
@@ -110,13 +114,15 @@ std::string map_launch_line(const MapPlan& plan) {
   if (plan.has_images() && plan.pose == MapPlan::Pose::kTf) {
     add(plan.are_labels ? "labels" : "image", plan.image_topic);
     add("camera_info", plan.camera_info_topic);
-    add("dem", std::filesystem::absolute(plan.dem).string());
+    add("dem", std::filesystem::absolute(plan.elevation.dem).string());
+    if (!plan.elevation.origin.empty()) add("origin", plan.elevation.origin);
   }
   return line;
 }
 
-RecordingCheck::RecordingCheck(std::vector<std::string> bags, std::string dem)
-    : bags_(std::move(bags)), dem_(std::move(dem)) {
+RecordingCheck::RecordingCheck(std::vector<std::string> bags, const ElevationParams& elevation)
+    : bags_(std::move(bags)) {
+  plan_.elevation = elevation;
   read();
   choose();
   for (const auto& check : checks_) topics_.push_back(check->report());
@@ -295,10 +301,28 @@ void RecordingCheck::choose_images() {
     plan_.are_labels = images->are_labels();
     if (!plan_.has_scans()) plan_.sensor_frame = check->frame();
   }
-  plan_.dem = dem_;
-  if (!plan_.image_topic.empty() && dem_.empty()) {
+  if (plan_.image_topic.empty()) return;
+  if (plan_.elevation.dem.empty()) {
     findings_.push_back(
         {"the targets of " + plan_.image_topic + " need the ground's elevation", "give it: --dem FILE.tif"});
+    return;
+  }
+  look_at_elevation();
+}
+
+void RecordingCheck::look_at_elevation() {
+  try {
+    const ElevationFile file(elevation_source(plan_.elevation, "--origin"));
+    const Eigen::AlignedBox3d box = file.extent_world_m();
+    facts_.push_back(plan_.elevation.dem + formatted(": x %.0f to %.0f, y %.0f to %.0f, z %.0f to %.0f m in the world",
+                                                     box.min().x(), box.max().x(), box.min().y(), box.max().y(),
+                                                     box.min().z(), box.max().z()));
+    for (const std::string& warning : file.warnings()) findings_.push_back({warning, "docs/offline.md, grid_bag"});
+    if (!file.remedy().empty())
+      findings_.push_back({plan_.elevation.dem + ": its coordinates have a CRS", file.remedy()});
+  } catch (const std::runtime_error& error) {
+    findings_.push_back({error.what(), "the images are left out of the lines below"});
+    plan_.elevation.dem.clear();
   }
 }
 
@@ -374,7 +398,7 @@ void RecordingCheck::follow_poses() {
       return;
     }
     if (has_poses) {
-      motion.report(plan_.scan_topic, check_of(plan_.scan_topic).stamps().period_s(), motion_, findings_);
+      motion.report(plan_.scan_topic, check_of(plan_.scan_topic).stamps().period_s(), facts_, findings_);
       advise(*scanner);
     } else {
       standing.report(plan_.scan_topic, findings_);
@@ -383,7 +407,7 @@ void RecordingCheck::follow_poses() {
   if (!gps_ins) return;
   if (!contradiction.empty()) findings_.push_back({contradiction, "mend the driver: the pose by GPS is wrong"});
   if (ready) {
-    motion_.push_back(formatted("the pose by GPS is known %.1f s after the first fix", (*ready - *first_fix).toSec()));
+    facts_.push_back(formatted("the pose by GPS is known %.1f s after the first fix", (*ready - *first_fix).toSec()));
   } else {
     findings_.push_back({"there is no pose by GPS: " + gps_ins->why_not_ready(), "docs/poses.md"});
   }
@@ -392,7 +416,7 @@ void RecordingCheck::follow_poses() {
 /// What the driver's messages are to be taken for, where they are not as the defaults say.
 void RecordingCheck::advise(const ScannerCheck& scanner) {
   const PoseOffset& offset = scanner.pose_offset().estimate();
-  motion_.push_back("scan_pose_offset_s: " + pose_offset_text(offset));
+  facts_.push_back("scan_pose_offset_s: " + pose_offset_text(offset));
   for (const std::string& advice : scanner.advice()) {
     findings_.push_back({plan_.scan_topic + ": " + advice, "in a copy of cfg/map.yaml, with --config"});
   }

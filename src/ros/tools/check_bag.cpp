@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "command_line.hpp"
+#include "situation_awareness/ros/bag/images.hpp"
 #include "situation_awareness/ros/check/recording_check.hpp"
 
 namespace situation_awareness {
@@ -19,23 +20,25 @@ the bag, map.launch for the same sensors live. The exit code is 1 if the bag can
 
 struct Options {
   std::vector<std::string> bags;
-  std::string dem;
+  ElevationParams elevation;
   bool is_live = false;
 };
 
 void add_options(CommandLine& app, Options& options) {
   app.add_option("IN.bag", options.bags, "the bag; all of them, if the recording was split").required().type_name("");
-  app.add_option("--dem", options.dem, "the elevation under the images").type_name("FILE");
+  add_dem_options(app, options.elevation);
+  app.add_option("--origin", options.elevation.origin, "of the world: latitude, longitude (deg), altitude (m)")
+      .type_name("LAT,LON,ALT");
   app.add_flag("--live", options.is_live, "the bag was made for this page: print the line of map.launch alone");
 }
 
 int check_bag(const Options& options) {
-  const RecordingCheck check(options.bags, options.dem);
+  const RecordingCheck check(options.bags, options.elevation);
   for (const TopicReport& topic : check.topics()) {
     std::printf("%s  %s\n", topic.topic.c_str(), topic.type.c_str());
     for (const std::string& fact : topic.facts) std::printf("    %s\n", fact.c_str());
   }
-  for (const std::string& fact : check.motion()) std::printf("%s\n", fact.c_str());
+  for (const std::string& fact : check.facts()) std::printf("%s\n", fact.c_str());
   int number = 0;
   const auto print = [&number](const std::string& topic, const Finding& finding) {
     std::printf("%s%2d. %s%s%s\n    -> %s\n", number == 0 ? "\nTo look at\n" : "", number + 1, topic.c_str(),

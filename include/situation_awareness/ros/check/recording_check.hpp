@@ -10,6 +10,7 @@
 #include "situation_awareness/ros/check/report.hpp"
 #include "situation_awareness/ros/check/topic_check.hpp"
 #include "situation_awareness/ros/check/transform_tree.hpp"
+#include "situation_awareness/ros/params/elevation_params.hpp"
 
 namespace situation_awareness {
 
@@ -25,10 +26,10 @@ struct MapPlan {
   std::string base_frame, imu_topic, fix_topic;  ///< with kGps
   std::string image_topic, camera_info_topic;    ///< empty: no images
   bool are_labels = false;                       ///< the images are labels
-  std::string dem;                               ///< file of the elevation under the images
+  ElevationParams elevation;                     ///< under the images
 
   bool has_scans() const { return !scan_topic.empty() || !cloud_topic.empty(); }
-  bool has_images() const { return !image_topic.empty() && !dem.empty(); }
+  bool has_images() const { return !image_topic.empty() && !elevation.dem.empty(); }
   bool is_possible() const { return pose != Pose::kNone && (has_scans() || (has_images() && pose == Pose::kTf)); }
 };
 
@@ -41,23 +42,23 @@ std::string map_launch_line(const MapPlan& plan);
 /// each other, and how it is mapped.
 class RecordingCheck {
  public:
-  /// Reads the recording, which may be split into several bags. `dem`: file of an elevation; empty: none. Throws as
-  /// Recording.
-  RecordingCheck(std::vector<std::string> bags, std::string dem);
+  /// Reads the recording, which may be split into several bags. Throws as Recording.
+  RecordingCheck(std::vector<std::string> bags, const ElevationParams& elevation);
 
   /// The topics of which a map can be made, and the transforms.
   const std::vector<TopicReport>& topics() const { return topics_; }
   /// What none of the topics tells alone.
   const std::vector<Finding>& findings() const { return findings_; }
   const MapPlan& plan() const { return plan_; }
-  /// What the poses say of the motion; empty without poses.
-  const std::vector<std::string>& motion() const { return motion_; }
+  /// What poses say of the motion, and where the elevation is.
+  const std::vector<std::string>& facts() const { return facts_; }
 
  private:
   void read();
   void choose();
   void choose_sensor();
   void choose_images();
+  void look_at_elevation();
   void choose_pose();
   void choose_gps();
   void look_at_odometry();
@@ -70,13 +71,12 @@ class RecordingCheck {
   std::vector<const Check*> checks_of() const;
 
   std::vector<std::string> bags_;
-  std::string dem_;
   std::vector<std::unique_ptr<TopicCheck>> checks_;
   TransformTree transforms_;
   std::vector<std::string> tf_topics_;  ///< of transforms that are not static
   std::vector<TopicReport> topics_;
   std::vector<Finding> findings_;
-  std::vector<std::string> motion_;
+  std::vector<std::string> facts_;
   MapPlan plan_;
 };
 
