@@ -144,6 +144,12 @@ TEST(ObjectPipelineParams, AllAreReadBackAsWritten) {
       params.detections.detector = "vgg_polar";
     } else if (parameter.path() == "detections.model") {
       params.detections.model = "/opt/a model.onnx";
+    } else if (parameter.path() == "scan.no_return") {
+      params.scan.scanner.no_return = "zero";
+    } else if (parameter.path() == "scan.beam_order") {
+      params.scan.scanner.beam_order = "backward";
+    } else if (parameter.path() == "scan.stamp_at") {
+      params.scan.scanner.stamp_at = "middle";
     } else if (parameter.path() == "objects.shape") {
       params.objects.shape = "circle";
     } else {

@@ -182,8 +182,6 @@ CASES = [
          "TF does not connect base_footprint with laser"),
     Case("unconnected_child_frame_id_of_survey", "record_reflectors", reflectors(frames=FOOTPRINT),
          "it has no frame base_footprint"),
-    Case("unconnected_child_frame_id_by_tf", "polygons_bag", polygons_by_tf(frames=FOOTPRINT),
-         "it has no frame base_footprint"),
     Case("base_is_a_child", "polygons_bag",
          polygons(frames=FOOTPRINT, extra=[(0.0, "/tf_static", bags.transform(0, "base_link", "base_footprint"))]), code=0),
     Case("base_is_a_parent", "polygons_bag",
