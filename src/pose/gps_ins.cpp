@@ -52,6 +52,10 @@ constexpr double kSameBiases_s = 10.0;
 /// of freedom, which happens once in a million times by chance.
 constexpr double kContradiction = 30.7;
 
+/// A height that differs from that of the fix before by this, and by so many standard deviations of both, has jumped:
+/// those of the next seconds may be of another zero. A filter that drifts off heights which have not is wrong.
+constexpr double kHeightJump_m = 10.0, kHeightJumpSigmas = 6.0, kHeightJump_s = 10.0;
+
 /// s. Time for which that is said.
 constexpr double kContradictedFor_s = 30.0;
 
@@ -206,6 +210,18 @@ bool GpsIns::is_usable(const Eigen::Matrix3d& covariance_m2) {
   return false;
 }
 
+/// Whether heights of fixes have jumped shortly before this one, or with it.
+bool GpsIns::has_jumped(std::int64_t stamp_ns, double height_m, double variance_m2) {
+  if (height_before_) {
+    const double sigma_m = std::sqrt(variance_m2 + height_before_->second);
+    const double least_m = std::max(kHeightJump_m, kHeightJumpSigmas * sigma_m);
+    if (std::abs(height_m - height_before_->first) > least_m) height_jumped_ns_ = stamp_ns;
+  }
+  height_before_ = std::pair(height_m, variance_m2);
+  return height_jumped_ns_ != StampOrder::kNone &&
+         std::abs(seconds_between(height_jumped_ns_, stamp_ns)) < kHeightJump_s;
+}
+
 void GpsIns::add_position(std::int64_t stamp_ns, const Eigen::Vector3d& antenna_world_m,
                           const Eigen::Matrix3d& covariance_m2) {
   add_position(stamp_ns, antenna_world_m, covariance_m2, false);
@@ -226,6 +242,7 @@ void GpsIns::add_position(std::int64_t stamp_ns, const Eigen::Vector3d& antenna_
   measurement.stamp_ns = stamp_ns;
   measurement.value = antenna_world_m;
   measurement.is_level = is_level;
+  measurement.has_jumped = !is_level && has_jumped(stamp_ns, antenna_world_m.z(), covariance_m2(2, 2));
   measurement.covariance = 0.5 * (covariance_m2 + covariance_m2.transpose());
   if (params_.sideslip_sigma_m_s > 0.0) {
     GpsInsMeasurement sideslip;

@@ -412,10 +412,7 @@ void GpsInsFilter::doubt(Moment& moment, const Eigen::Vector3d& nu) const {
 bool GpsInsFilter::is_off_in_height(Moment& moment, const Eigen::Vector3d& nu, const Eigen::Matrix3d& S,
                                     double variance_m2) const {
   const Innovation<2> level = innovation(Eigen::Vector2d(nu.head<2>()), Eigen::Matrix2d(S.topLeftCorner<2, 2>()));
-  // A height that drifts off leaves its gate before it is off by so much: then the filter is wrong, not the height.
-  const bool has_drifted = moment.rejected > 0 && moment.heights_refused == 0;
-  if (has_drifted || std::abs(nu.z()) < kHeightJump_m || inside_gate(innovation(nu, S), gates_[3]) ||
-      !inside_gate(level, gates_[2])) {
+  if (std::abs(nu.z()) < kHeightJump_m || inside_gate(innovation(nu, S), gates_[3]) || !inside_gate(level, gates_[2])) {
     moment.heights_refused = 0;
     return false;
   }
@@ -483,14 +480,16 @@ GpsInsVerdict GpsInsFilter::apply(Moment& moment, const GpsInsMeasurement& measu
       Eigen::Matrix3d R;
       fix_innovation(x, measurement, model_, fix_noise_, nu, H, R);
       const Eigen::Matrix3d S = transformed(H, moment.estimate.P) + R;
-      const bool is_off = !measurement.is_level && is_off_in_height(moment, nu, S, measurement.covariance(2, 2));
+      const bool is_off = measurement.has_jumped && !measurement.is_level &&
+                          is_off_in_height(moment, nu, S, measurement.covariance(2, 2));
       if (!is_off && !measurement.is_level) return correct<3>(moment, nu, H, R, 3);
       // The height says nothing of the state, nor of how the error of fixes is correlated.
       nu.z() = 0.0;
       H.row(2).setZero();
       R.row(2) = R.col(2).transpose() = Eigen::RowVector3d(0.0, 0.0, measurement.covariance(2, 2));
       GpsInsVerdict verdict = correct<3>(moment, nu, H, R, 3);
-      if (is_off) moment.log_likelihood -= 0.5 * gates_[1];  // what a height says that is at the edge of its gate
+      if (is_off && !moment.is_yaw_known)
+        moment.log_likelihood -= 0.5 * gates_[1];  // a wrong yaw is off in height, too
       verdict.is_height_refused = is_off && verdict.is_accepted;
       verdict.nis *= 1.5;  // of two degrees of freedom
       return verdict;

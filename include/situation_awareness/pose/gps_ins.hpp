@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <Eigen/Core>
@@ -173,6 +174,7 @@ class GpsIns {
 
   void add_position(std::int64_t stamp_ns, const Eigen::Vector3d& antenna_world_m, const Eigen::Matrix3d& covariance_m2,
                     bool is_level);
+  bool has_jumped(std::int64_t stamp_ns, double height_m, double variance_m2);
   void add(const GpsInsMeasurement& measurement, const char* too_late, const char* ahead);
   void add_number(GpsInsSensor sensor, std::int64_t stamp_ns, double value, double sigma, const Number& number);
   /// Those of the estimate where it is ready, else those that it will start with.
@@ -210,7 +212,9 @@ class GpsIns {
   Phase phase_ = Phase::kLevelling;
   std::int64_t waiting_since_ns_ = StampOrder::kNone;
   std::int64_t yaw_watched_ns_ = 0;
-  std::int64_t learning_since_ns_ = 0;                ///< how the error of fixes is correlated
+  std::int64_t learning_since_ns_ = 0;                      ///< how the error of fixes is correlated
+  std::optional<std::pair<double, double>> height_before_;  ///< of the latest fix, and its variance
+  std::int64_t height_jumped_ns_ = StampOrder::kNone;
   int contradictions_ = 0;                            ///< of the likeliest filter
   std::int64_t contradicted_ns_ = StampOrder::kNone;  ///< when fixes last contradicted the estimate
   bool is_yaw_known_ = false;

@@ -122,6 +122,7 @@ struct GpsInsMeasurement {
   Eigen::Vector3d value = Eigen::Vector3d::Zero();       ///< a position (m); an altitude (m) or a yaw (rad) first
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  ///< of the value; a variance first
   bool is_level = false;                                 ///< of a fix: its height was not measured
+  bool has_jumped = false;                               ///< of a fix: heights have jumped shortly before
   GpsInsCorrection correction;                           ///< of GpsInsSensor::kOther
   bool is_counted = false;                               ///< by the monitors, which count once
 };
