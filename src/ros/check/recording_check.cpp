@@ -33,6 +33,7 @@ namespace {
 constexpr double kClocks_s = 0.5;
 /// An IMU stands upright if so much of gravity is along its z.
 constexpr double kUpright = 0.9;
+
 bool is_transforms(const std::string& datatype) {
   return datatype == "tf2_msgs/TFMessage" || datatype == "tf/tfMessage";
 }
@@ -405,7 +406,7 @@ void RecordingCheck::follow_poses() {
     }
   }
   if (!gps_ins) return;
-  if (!contradiction.empty()) findings_.push_back({contradiction, "mend the driver: the pose by GPS is wrong"});
+  if (!contradiction.empty()) findings_.push_back({contradiction, "mend the driver (docs/poses.md)"});
   if (ready) {
     facts_.push_back(formatted("the pose by GPS is known %.1f s after the first fix", (*ready - *first_fix).toSec()));
   } else {
