@@ -29,7 +29,7 @@ class EvenStamps {
   bool is_spread() const { return line_.has_value(); }
 
  private:
-  /// Of those that are looked at.
+  /// So many of the latest stamps are looked at.
   static constexpr std::size_t kMost = 512;
 
   struct Stamp {

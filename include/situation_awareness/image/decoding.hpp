@@ -32,7 +32,7 @@ struct DecodedImage {
   std::vector<std::uint8_t> data;  ///< rows from the top, without gaps; empty: the file could not be read
 };
 
-/// Of a JPEG, PNG or other file that OpenCV reads. Throws nothing.
+/// Decodes a JPEG, PNG or other file that OpenCV reads. Throws nothing.
 DecodedImage decode_image(const std::vector<std::uint8_t>& file);
 
 }  // namespace situation_awareness

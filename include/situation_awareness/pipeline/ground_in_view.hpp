@@ -38,8 +38,8 @@ class GroundInView {
   /// For images of which no target came, though they show the class: the height above the elevation at which they agree
   /// where it is (m), to some metres, if that is not the ground; none if there is no such height, or several far apart.
   std::optional<double> agreed_height_m() const;
-  /// The same as a sentence: of what zeros are elevation and poses? Or that the class is nowhere on the ground, though
-  /// most images show it. Empty if neither is so.
+  /// One sentence that names agreed_height_m() and asks of what zeros elevation and poses are, or says that the class
+  /// is nowhere on the ground, though most images show it. Empty if neither is so.
   std::string why_no_target() const;
 
   /// Why the latest image tells nothing of the ground; empty if it does.

@@ -43,7 +43,7 @@ class ScannerCheck {
   /// What says "nothing there": "61 % of the beams", or a proposal of scan/no_return where none does, but other beams
   /// have no range.
   std::string no_return_text() const;
-  /// That proposal; empty if there is none.
+  /// The proposal of scan/no_return alone; empty if there is none.
   std::string no_return_advice() const;
 
  private:
@@ -53,7 +53,7 @@ class ScannerCheck {
   PoseOffsetEstimator as_said_, reversed_;
   ScanOrderEstimator order_;
   Points reversed_points_;
-  double sweep_s_ = 0.0;  ///< of the latest scan
+  double sweep_s_ = 0.0;              ///< of the latest scan
   std::uint64_t scans_of_order_ = 0;  ///< by which the order of beams was looked for
   std::uint64_t scans_ = 0, beams_ = 0, nothing_ = 0, zero_ = 0, nan_ = 0;
 };

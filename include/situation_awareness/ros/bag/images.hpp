@@ -46,7 +46,8 @@ class BagImages {
 
   /// Prints what the map says of the ground, and on stderr what was assumed of it, after the program's name.
   void print_summary(const std::string& program) const;
-  /// The same of why there is nothing (GridPipeline::why_nothing), where other measurements were mapped.
+  /// Prints on stderr, after the program's name, why there is nothing (GridPipeline::why_nothing), where other
+  /// measurements were mapped.
   void warn_of_nothing(const std::string& program) const;
 
  private:

@@ -27,14 +27,15 @@ std::shared_ptr<const ScannerCheck> subscribe_scans(BagPlayer& player, const std
                                                     const RangeLimiterParams& params, UseScan use,
                                                     const std::string& lidar_frame = {});
 
-/// The same with the clouds of a topic, of which scans are made as the nodelet slicing does: they are as of a scanner
-/// that stands still in its level frame. The summary warns of what the times of points lack, too.
+/// Subscribes to the clouds of a topic, of which scans are made as the nodelet slicing does: they are as of a scanner
+/// that stands still in its level frame. The summary warns as with subscribe_scans, and of what the times of points
+/// lack. Throws as BagPlayer::subscribe does.
 std::shared_ptr<const ScannerCheck> subscribe_clouds(BagPlayer& player, const std::string& topic,
                                                      const RangeLimiterParams& params,
                                                      const CloudSliceParams& cloud_params, UseScan use,
                                                      const std::string& lidar_frame = {});
 
-/// The clouds of a topic, or the scans of another where that of clouds is empty.
+/// Subscribes to the clouds of a topic, or to the scans of another where that of clouds is empty.
 std::shared_ptr<const ScannerCheck> subscribe_scans_or_clouds(BagPlayer& player, const std::string& scan_topic,
                                                               const std::string& cloud_topic,
                                                               const RangeLimiterParams& params,

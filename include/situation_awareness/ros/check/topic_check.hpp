@@ -44,7 +44,7 @@ class TopicCheck {
   std::string topic_;
 };
 
-/// The same for messages of one type with a header.
+/// Looks at the messages of a topic whose type has a header: their stamps and frames, and what a derived class adds.
 template <class Message>
 class MessageCheck : public TopicCheck {
  public:

@@ -15,9 +15,9 @@ namespace situation_awareness {
 /// What the images of a camera are: as the lens shows them, or rectified, as image_proc does it.
 enum class ImageKind { kAuto, kRectified, kRaw };
 
-/// Of the names auto, rectified and raw. With auto the topic decides where it is named as those of image_proc are:
-/// image_rect and image_rect_color, or image_raw, image_mono and image_color. Throws std::invalid_argument for another
-/// name.
+/// Returns the kind that one of the names auto, rectified and raw means. With auto the topic decides where it is named
+/// as those of image_proc are: image_rect and image_rect_color, or image_raw, image_mono and image_color. Throws
+/// std::invalid_argument for another name.
 ImageKind image_kind(const std::string& name, const std::string& topic);
 
 /// Whether the camera's images have this size: all pixels, or what region of interest and binning leave of them.
@@ -37,17 +37,17 @@ struct CameraModel {
 /// leaves it, and where it is nothing can tell.
 CameraModel camera_model(const sensor_msgs::CameraInfo& info, const sensor_msgs::Image& image, ImageKind kind);
 
-/// The defect of the model.
+/// Returns the defect of the model; empty if there is none.
 std::string camera_info_msg_defect(const sensor_msgs::CameraInfo& info, const sensor_msgs::Image& image,
                                    ImageKind kind = ImageKind::kAuto);
 
 /// The camera of a topic's images.
 class ImageCamera {
  public:
-  /// As image_kind.
+  /// `kind` and `topic` as those of image_kind, which it throws as.
   ImageCamera(const std::string& kind, const std::string& topic) : kind_(image_kind(kind, topic)) {}
 
-  /// Of the next image. Without a defect its labels are to be undistorted.
+  /// Returns the model of the next image. Without a defect its labels are to be undistorted.
   const CameraModel& take(const sensor_msgs::CameraInfo& info, const sensor_msgs::Image& image) {
     return model_ = camera_model(info, image, kind_);
   }
@@ -55,7 +55,7 @@ class ImageCamera {
   /// Labels of the latest image without distortion. Returns why this cannot be, or an empty text.
   std::string undistort(SoftLabels& labels);
 
-  /// Of the latest image.
+  /// Returns the model of the latest image.
   const CameraModel& model() const { return model_; }
 
  private:
