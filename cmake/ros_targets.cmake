@@ -142,6 +142,7 @@ add_library(${PROJECT_NAME}_check STATIC
   src/ros/check/camera.cpp
   src/ros/check/motion.cpp
   src/ros/check/recording_check.cpp
+  src/ros/check/report.cpp
   src/ros/check/scanner_motion.cpp
   src/ros/check/scans.cpp
   src/ros/check/stamp_statistics.cpp

@@ -93,6 +93,10 @@ std::string GpsInsInput::why_not_ready() const {
   return why;
 }
 
+void keep_contradiction(std::string& kept, const std::string& now) {
+  if (!now.empty() && (kept.empty() || kept == GpsIns::kContradicted)) kept = now;
+}
+
 std::string GpsInsInput::contradiction() const {
   for (const std::string& text : {consistency_.contradiction(params_.gps_ins.max_delay_s), turns_.contradiction(),
                                   filter_ ? filter_->contradiction() : std::string()}) {

@@ -115,4 +115,7 @@ class GpsInsInput {
   std::int64_t heading_stamp_ns_ = StampOrder::kNone;
 };
 
+/// Keeps the first sentence of GpsInsInput::contradiction, or one that names a cause in the place of one that does not.
+void keep_contradiction(std::string& kept, const std::string& now);
+
 }  // namespace situation_awareness

@@ -17,7 +17,6 @@ namespace situation_awareness {
 namespace {
 
 constexpr const char* kAuthority = "bag";
-const std::string kStatic = "_static";
 // Frames of the poses that are given, whatever they are called in the bag.
 constexpr const char* kWorld = "world";
 constexpr const char* kBase = "base";
@@ -141,7 +140,7 @@ void BagPlayer::play() {
 }
 
 void BagPlayer::play_all() {
-  const std::string tf = tf2_frame(options_.tf_topic), tf_static = tf + kStatic;
+  const std::string tf = tf2_frame(options_.tf_topic), tf_static = static_topic_of(tf);
   recording_.read({"/" + tf_static, tf_static}, [this](const rosbag::MessageInstance& instance) {
     add_transforms(*read<tf2_msgs::TFMessage>(instance), true);
     return true;
@@ -211,14 +210,8 @@ void BagPlayer::release(SensorQueue& of, std::int64_t now_ns) {
 
 /// What may help where there are no transforms.
 std::string BagPlayer::transforms_hint() const {
-  std::set<std::string> others;
-  for (const auto& [topic, type] : recording_.topics()) {
-    if (type != "tf2_msgs/TFMessage" && type != "tf/tfMessage") continue;
-    const std::string bare = tf2_frame(topic);
-    const bool is_static = bare.size() > kStatic.size() && bare.rfind(kStatic) == bare.size() - kStatic.size();
-    const std::string of = is_static ? bare.substr(0, bare.size() - kStatic.size()) : bare;
-    if (of != tf2_frame(options_.tf_topic)) others.insert("/" + of);
-  }
+  std::set<std::string> others = recording_.transform_topics();
+  others.erase("/" + tf2_frame(options_.tf_topic));
   const std::string others_hint =
       others.empty() ? "" : "; it has others on " + list(others) + ": --tf-topic reads them";
   if (!frames_.empty()) return "; the bag has the frames " + list(frames_) + others_hint;

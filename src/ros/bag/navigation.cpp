@@ -70,9 +70,7 @@ BagNavigation::BagNavigation(const std::string& program, BagPlayer& player, cons
   player.subscribe<sensor_msgs::NavSatFix>(options.fix_topic, [this](const auto& msg, const ros::Time& recorded) {
     begin();
     navigation_->add_fix(*msg, to_nanoseconds(recorded));
-    // One that names a cause takes the place of one that does not.
-    const std::string now = navigation_->input().contradiction();
-    if (!now.empty() && (contradiction_.empty() || contradiction_ == GpsIns::kContradicted)) contradiction_ = now;
+    keep_contradiction(contradiction_, navigation_->input().contradiction());
   });
 }
 

@@ -58,7 +58,7 @@ std::string base_frame_by_tf(const BagOptions& bag, const OdometryOptions& optio
     });
     return !is_known;
   };
-  for (const std::string& topic : {bag.tf_topic, bag.tf_topic + "_static"}) {
+  for (const std::string& topic : {bag.tf_topic, static_topic_of(bag.tf_topic)}) {
     if (!is_known) for_each_message<tf2_msgs::TFMessage>(bag, topic, look);
   }
   return is_known ? base : "";

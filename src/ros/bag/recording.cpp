@@ -11,12 +11,15 @@
 #include <rosbag/query.h>
 #include <rosbag/view.h>
 
+#include "situation_awareness/ros/convert/poses.hpp"
 #include "situation_awareness/ros/params/package.hpp"
 
 namespace situation_awareness {
 namespace {
 
 namespace fs = std::filesystem;
+
+const std::string kStatic = "_static";
 
 /// The command that makes an uncompressed bag of a recording of another kind. The script is where the sources are, or
 /// is installed for rosrun.
@@ -86,6 +89,8 @@ std::string recording_name(const std::vector<std::string>& bags) {
   return bags.size() == 1 ? bags.front() : bags.front() + " and " + std::to_string(bags.size() - 1) + " more";
 }
 
+std::string static_topic_of(const std::string& tf_topic) { return tf_topic + kStatic; }
+
 Recording::Recording(const std::vector<std::string>& paths) : paths_(paths) {
   for (auto path = paths.begin(); path != paths.end(); ++path) {
     open(*path, bags_.emplace_back());
@@ -104,6 +109,18 @@ std::set<std::pair<std::string, std::string>> Recording::topics() const {
     }
   }
   return topics;
+}
+
+std::set<std::string> Recording::transform_topics() const {
+  std::set<std::string> found;
+  for (const auto& [topic, type] : topics()) {
+    if (type != "tf2_msgs/TFMessage" && type != "tf/tfMessage") continue;
+    const std::string bare = tf2_frame(topic);
+    const bool is_static =
+        bare.size() > kStatic.size() && bare.compare(bare.size() - kStatic.size(), kStatic.size(), kStatic) == 0;
+    found.insert("/" + (is_static ? bare.substr(0, bare.size() - kStatic.size()) : bare));
+  }
+  return found;
 }
 
 Recording::Extent Recording::extent_of(const std::string& topic) const {

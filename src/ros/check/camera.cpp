@@ -14,14 +14,6 @@ namespace {
 /// So many compressed images are decoded to know their format.
 constexpr std::size_t kDecoded = 3;
 
-void add_defects(const Counters& defects, std::size_t all, const char* remedy, TopicReport& report) {
-  for (const auto& [reason, count] : defects) {
-    report.findings.push_back({formatted("%llu of %zu messages cannot be used: %s",
-                                         static_cast<unsigned long long>(count), all, reason.c_str()),
-                               remedy});
-  }
-}
-
 }  // namespace
 
 void ImageFormat::look_at(const sensor_msgs::Image& image) {
@@ -39,7 +31,7 @@ void ImageFormat::look_at(const sensor_msgs::Image& image) {
 }
 
 void ImageFormat::report_format(TopicReport& report) const {
-  add_defects(defects_, images_, "publish them in an encoding that is read (docs/ros.md)", report);
+  add_defects(defects_, images_, "messages", "publish them in an encoding that is read (docs/ros.md)", report);
   if (first_) {
     report.facts.push_back(formatted("%u x %u pixels, %s, read as %s", first_->width, first_->height,
                                      first_->encoding.c_str(), are_labels_ ? "labels" : "a picture, for the network"));
@@ -90,7 +82,7 @@ void CloudTopicCheck::look(const sensor_msgs::PointCloud2& msg) {
 }
 
 void CloudTopicCheck::add_to(TopicReport& report) const {
-  add_defects(defects_, stamps_.count(), "mend the driver's message", report);
+  add_defects(defects_, stamps_.count(), "messages", "mend the driver's message", report);
   if (good_ == 0) return;
   report.facts.push_back(formatted("%zu x %zu points, fields %s", rows_, columns_, fields_.c_str()));
   report.facts.push_back(with_times_ > 0 ? formatted("times of points, %.1f ms from first to last", 1e3 * longest_s_)

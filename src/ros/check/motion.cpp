@@ -97,11 +97,7 @@ void OdometryTopicCheck::look(const nav_msgs::Odometry& msg) {
 void OdometryTopicCheck::add_to(TopicReport& report) const {
   report.facts.push_back("pose of " + (child_frame_.empty() ? "?" : child_frame_) +
                          (has_covariance_ ? ", with a covariance" : ", without covariance"));
-  for (const auto& [reason, count] : defects_) {
-    report.findings.push_back({formatted("%llu of %zu messages cannot be used: %s",
-                                         static_cast<unsigned long long>(count), stamps_.count(), reason.c_str()),
-                               "mend the driver's message"});
-  }
+  add_defects(defects_, stamps_.count(), "messages", "mend the driver's message", report);
   if (frame_.empty() || child_frame_.empty()) {
     report.findings.push_back({std::string("it has no ") + (frame_.empty() ? "frame_id" : "child_frame_id"),
                                "--odom-frame and --base-frame name the frames of odometry"});

@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <map>
 #include <optional>
+#include <set>
 #include <stdexcept>
 #include <utility>
 
@@ -33,15 +34,6 @@ namespace {
 constexpr double kClocks_s = 0.5;
 /// An IMU stands upright if so much of gravity is along its z.
 constexpr double kUpright = 0.9;
-
-bool is_transforms(const std::string& datatype) {
-  return datatype == "tf2_msgs/TFMessage" || datatype == "tf/tfMessage";
-}
-
-bool is_static_topic(const std::string& topic) {
-  const std::string suffix = "_static";
-  return topic.size() > suffix.size() && topic.compare(topic.size() - suffix.size(), suffix.size(), suffix) == 0;
-}
 
 /// An argument as a shell takes it.
 std::string quoted(const std::string& text) {
@@ -133,21 +125,21 @@ RecordingCheck::RecordingCheck(std::vector<std::string> bags, const ElevationPar
   transforms_.report(transforms);
   if (!transforms_.empty()) topics_.push_back(std::move(transforms));
   compare_clocks();
-  if (plan_.is_possible() || plan_.pose == MapPlan::Pose::kGps) follow_poses();
+  if (plan_.pose == MapPlan::Pose::kGps) {
+    follow_gps();
+  } else if (plan_.is_possible() && !plan_.scan_topic.empty()) {
+    follow_scans();
+  }
 }
 
 void RecordingCheck::read() {
   const Recording recording(bags_);
+  const std::set<std::string> tf_topics = recording.transform_topics();
+  if (!tf_topics.empty() && tf_topics.count("/tf") == 0) plan_.tf_topic = *tf_topics.begin();
+  const std::string tf = tf2_frame(plan_.tf_topic), tf_static = static_topic_of(tf);
   std::map<std::string, TopicCheck*> by_topic;
-  std::vector<std::string> topics;
+  std::vector<std::string> topics = {tf, "/" + tf, tf_static, "/" + tf_static};
   for (const auto& [topic, datatype] : recording.topics()) {
-    if (is_transforms(datatype)) {
-      topics.push_back(topic);
-      if (!is_static_topic(topic) && std::find(tf_topics_.begin(), tf_topics_.end(), topic) == tf_topics_.end()) {
-        tf_topics_.push_back(topic);
-      }
-      continue;
-    }
     if (by_topic.count(topic) > 0) continue;
     std::unique_ptr<TopicCheck> check = make_topic_check(topic, datatype);
     if (!check) continue;
@@ -155,19 +147,12 @@ void RecordingCheck::read() {
     topics.push_back(topic);
     checks_.push_back(std::move(check));
   }
-  std::sort(checks_.begin(), checks_.end(), [](const auto& a, const auto& b) { return a->topic() < b->topic(); });
-  const bool has_tf = std::any_of(tf_topics_.begin(), tf_topics_.end(),
-                                  [](const std::string& topic) { return tf2_frame(topic) == "tf"; });
-  if (!has_tf && !tf_topics_.empty()) plan_.tf_topic = "/" + tf2_frame(tf_topics_.front());
-  const std::string tf = tf2_frame(plan_.tf_topic);
   recording.read(topics, [&](const rosbag::MessageInstance& instance) {
     const auto check = by_topic.find(instance.getTopic());
-    const std::string topic = tf2_frame(instance.getTopic());
     if (check != by_topic.end()) {
       check->second->add(instance);
-    } else if (topic == tf || topic == tf + "_static") {
-      const auto msg = instance.instantiate<tf2_msgs::TFMessage>();
-      if (msg) transforms_.add(*msg, is_static_topic(topic), to_nanoseconds(instance.getTime()));
+    } else if (const auto msg = instance.instantiate<tf2_msgs::TFMessage>()) {
+      transforms_.add(*msg, tf2_frame(instance.getTopic()) == tf_static, to_nanoseconds(instance.getTime()));
     }
     return true;
   });
@@ -215,10 +200,9 @@ void RecordingCheck::choose_pose() {
   if (!plan_.world_frame.empty() && !plan_.sensor_frame.empty()) {
     plan_.pose = MapPlan::Pose::kTf;
     if (plan_.tf_topic != "/tf") {
-      findings_.push_back({"the transforms are on " + plan_.tf_topic, "live, start with this topic and " +
-                                                                          plan_.tf_topic +
-                                                                          "_static remapped from /tf and "
-                                                                          "/tf_static"});
+      findings_.push_back(
+          {"the transforms are on " + plan_.tf_topic,
+           "live, start with this topic and " + static_topic_of(plan_.tf_topic) + " remapped from /tf and /tf_static"});
     }
     return;
   }
@@ -348,69 +332,70 @@ void RecordingCheck::compare_clocks() {
   }
 }
 
-void RecordingCheck::follow_poses() {
+BagOptions RecordingCheck::bag_options() const {
   BagOptions options;
   options.bags = bags_;
   options.tf_topic = plan_.tf_topic;
   options.static_sensor = plan_.pose == MapPlan::Pose::kStaticSensor;
   if (plan_.pose == MapPlan::Pose::kTf) options.world_frame = plan_.world_frame;
-  BagPlayer player(options, {});
+  return options;
+}
+
+/// Follows the scans with the poses of TF, or as those of a scanner that stands still.
+void RecordingCheck::follow_scans() {
+  BagPlayer player(bag_options(), {});
+  const bool has_poses = plan_.pose == MapPlan::Pose::kTf;
   ScannerMotion motion;
   StandingScanner standing;
-  const bool has_poses = plan_.pose == MapPlan::Pose::kTf;
-  const bool follows_scans = plan_.pose != MapPlan::Pose::kGps && !plan_.scan_topic.empty();
-  std::shared_ptr<const ScannerCheck> scanner;
-  if (follows_scans) {
-    scanner = subscribe_scans(player, plan_.scan_topic, RangeLimiterParams{},
-                              [&](const Scan& scan, const auto& T_world_lidar, const auto& /*T_world_lidar_end*/) {
-                                if (has_poses) {
-                                  motion.add(scan, T_world_lidar);
-                                } else {
-                                  standing.add(scan);
-                                }
-                              });
+  const auto scanner =
+      subscribe_scans(player, plan_.scan_topic, RangeLimiterParams{},
+                      [&](const Scan& scan, const auto& T_world_lidar, const auto& /*T_world_lidar_end*/) {
+                        if (has_poses) {
+                          motion.add(scan, T_world_lidar);
+                        } else {
+                          standing.add(scan);
+                        }
+                      });
+  player.play();
+  try {
+    player.check_mapped();
+  } catch (const std::runtime_error& error) {
+    findings_.push_back({error.what(), "docs/troubleshooting.md"});
+    return;
   }
-  std::optional<GpsInsInput> gps_ins;
+  if (has_poses) {
+    motion.report(plan_.scan_topic, check_of(plan_.scan_topic).stamps().period_s(), facts_, findings_);
+    advise(*scanner);
+  } else {
+    standing.report(plan_.scan_topic, findings_);
+  }
+}
+
+/// Looks whether IMU and fixes give a pose, and contradict each other.
+void RecordingCheck::follow_gps() {
+  BagPlayer player(bag_options(), {});
+  GpsInsNodeletParams params;
+  params.base_frame = plan_.base_frame;
+  params.imu_frame = known_frame(plan_.imu_topic);
+  params.fix_frame = known_frame(plan_.fix_topic);
+  GpsInsInput gps_ins(params, player.tf());
   std::string contradiction;
   std::optional<ros::Time> first_fix, ready;
-  if (plan_.pose == MapPlan::Pose::kGps) {
-    GpsInsNodeletParams params;
-    params.base_frame = plan_.base_frame;
-    params.imu_frame = known_frame(plan_.imu_topic);
-    params.fix_frame = known_frame(plan_.fix_topic);
-    gps_ins.emplace(params, player.tf());
-    player.subscribe<sensor_msgs::Imu>(plan_.imu_topic, [&](const auto& msg, const ros::Time& received) {
-      gps_ins->add_imu(*msg, to_nanoseconds(received));
-    });
-    player.subscribe<sensor_msgs::NavSatFix>(plan_.fix_topic, [&](const auto& msg, const ros::Time& received) {
-      if (!first_fix) first_fix = received;
-      gps_ins->add_fix(*msg, to_nanoseconds(received));
-      if (contradiction.empty()) contradiction = gps_ins->contradiction();
-      if (!ready && gps_ins->why_not_ready().empty()) ready = received;
-    });
-  }
+  player.subscribe<sensor_msgs::Imu>(plan_.imu_topic, [&](const auto& msg, const ros::Time& received) {
+    gps_ins.add_imu(*msg, to_nanoseconds(received));
+  });
+  player.subscribe<sensor_msgs::NavSatFix>(plan_.fix_topic, [&](const auto& msg, const ros::Time& received) {
+    if (!first_fix) first_fix = received;
+    gps_ins.add_fix(*msg, to_nanoseconds(received));
+    keep_contradiction(contradiction, gps_ins.contradiction());
+    if (!ready && gps_ins.why_not_ready().empty()) ready = received;
+  });
   player.play();
-
-  if (follows_scans) {
-    try {
-      player.check_mapped();
-    } catch (const std::runtime_error& error) {
-      findings_.push_back({error.what(), "docs/troubleshooting.md"});
-      return;
-    }
-    if (has_poses) {
-      motion.report(plan_.scan_topic, check_of(plan_.scan_topic).stamps().period_s(), facts_, findings_);
-      advise(*scanner);
-    } else {
-      standing.report(plan_.scan_topic, findings_);
-    }
-  }
-  if (!gps_ins) return;
   if (!contradiction.empty()) findings_.push_back({contradiction, "mend the driver (docs/poses.md)"});
   if (ready) {
     facts_.push_back(formatted("the pose by GPS is known %.1f s after the first fix", (*ready - *first_fix).toSec()));
   } else {
-    findings_.push_back({"there is no pose by GPS: " + gps_ins->why_not_ready(), "docs/poses.md"});
+    findings_.push_back({"there is no pose by GPS: " + gps_ins.why_not_ready(), "docs/poses.md"});
   }
 }
 

@@ -63,11 +63,7 @@ void ScanTopicCheck::look(const sensor_msgs::LaserScan& msg) {
 }
 
 void ScanTopicCheck::add_to(TopicReport& report) const {
-  for (const auto& [reason, count] : defects_) {
-    report.findings.push_back({formatted("%llu of %zu scans cannot be used: %s", static_cast<unsigned long long>(count),
-                                         stamps_.count(), reason.c_str()),
-                               "mend the driver's message"});
-  }
+  add_defects(defects_, stamps_.count(), "scans", "mend the driver's message", report);
   if (good_ == 0) return;
   const double increment_deg = degrees(first_.angle_increment);
   std::string line = fewest_beams_ == most_beams_ ? formatted("%zu beams", most_beams_)

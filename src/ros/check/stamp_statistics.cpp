@@ -14,8 +14,6 @@ namespace {
 constexpr double kGapPeriods = 3.0, kGap_s = 0.5;
 /// Messages come in bursts where so much of them is received within this part of a period after the one before.
 constexpr double kBurstPart = 0.5, kBurstPeriods = 0.2;
-/// Stamps of receivers and drivers differ from the time of receipt by less than this.
-constexpr double kLargestLag_s = 0.5;
 
 template <class Value>
 Value median(std::vector<Value> values) {
@@ -79,13 +77,12 @@ void StampStatistics::report(TopicReport& report) const {
     report.findings.push_back({formatted("stamps go back %zu times", back),
                                "a jump back by more than 1 s begins a new map; else such messages are not used"});
   }
-  const double wait_s = median(waits_s_);
   const auto bursts = static_cast<double>(std::count_if(
       waits_s_.begin(), waits_s_.end(), [&](double wait_s) { return wait_s < kBurstPeriods * period_s; }));
   if (period_s > 0.0 && bursts > kBurstPart * static_cast<double>(waits_s_.size())) {
     report.facts.push_back(formatted("received in bursts: %.0f %% within %.1f ms of the one before",
                                      1e2 * bursts / static_cast<double>(waits_s_.size()),
-                                     1e3 * std::max(wait_s, kBurstPeriods * period_s)));
+                                     1e3 * kBurstPeriods * period_s));
   }
 }
 

@@ -18,6 +18,9 @@ namespace situation_awareness {
 /// The name of a recording of these bags, for sentences: "a_0.bag", "a_0.bag and 2 more".
 std::string recording_name(const std::vector<std::string>& bags);
 
+/// The topic of static transforms beside that of the others: "/tf_static" of "/tf".
+std::string static_topic_of(const std::string& tf_topic);
+
 /// One recording of ROS 1: its bag, or the bags that it was split into, whose messages come in the order of their
 /// times.
 class Recording {
@@ -28,6 +31,10 @@ class Recording {
 
   /// (topic, type) of each connection.
   std::set<std::pair<std::string, std::string>> topics() const;
+
+  /// The topics of transforms, "/tf" or "/robot1/tf"; those of static ones are not listed beside them
+  /// (static_topic_of).
+  std::set<std::string> transform_topics() const;
 
   /// Number of the messages of a topic, and the time from the first to the last.
   struct Extent {

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "situation_awareness/pipeline/scanner_check.hpp"
+#include "situation_awareness/ros/bag/bag_options.hpp"
 #include "situation_awareness/ros/check/report.hpp"
 #include "situation_awareness/ros/check/topic_check.hpp"
 #include "situation_awareness/ros/check/transform_tree.hpp"
@@ -63,7 +64,9 @@ class RecordingCheck {
   void choose_gps();
   void look_at_odometry();
   void compare_clocks();
-  void follow_poses();
+  BagOptions bag_options() const;
+  void follow_scans();
+  void follow_gps();
   void advise(const ScannerCheck& scanner);
   const TopicCheck& check_of(const std::string& topic) const;
   std::string known_frame(const std::string& topic) const;
@@ -73,7 +76,6 @@ class RecordingCheck {
   std::vector<std::string> bags_;
   std::vector<std::unique_ptr<TopicCheck>> checks_;
   TransformTree transforms_;
-  std::vector<std::string> tf_topics_;  ///< of transforms that are not static
   std::vector<TopicReport> topics_;
   std::vector<Finding> findings_;
   std::vector<std::string> facts_;

@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <cstddef>
 #include <string>
 #include <vector>
+
+#include "situation_awareness/common/counters.hpp"
 
 namespace situation_awareness {
 
@@ -18,5 +21,8 @@ struct TopicReport {
   std::vector<std::string> facts;  ///< a line each
   std::vector<Finding> findings;
 };
+
+/// Appends a finding for each reason why messages cannot be used; `noun`: what they are called.
+void add_defects(const Counters& defects, std::size_t all, const char* noun, const char* remedy, TopicReport& report);
 
 }  // namespace situation_awareness
