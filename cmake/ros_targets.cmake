@@ -159,17 +159,14 @@ situation_awareness_node(objects_bag src/ros/tools/objects_bag.cpp ${PROJECT_NAM
 situation_awareness_node(polygons_bag src/ros/tools/polygons_bag.cpp ${PROJECT_NAME}_bag)
 situation_awareness_node(record_reflectors src/ros/tools/record_reflectors.cpp ${PROJECT_NAME}_bag)
 situation_awareness_node(splinegons_bag src/ros/tools/splinegons_bag.cpp ${PROJECT_NAME}_bag)
-situation_awareness_node(transit_evaluator src/ros/nodes/transit_evaluator.cpp ${PROJECT_NAME}_metrics)
 situation_awareness_node(stage_manager src/ros/nodes/stage_manager.cpp)
 if(SITUATION_AWARENESS_SIM)
   set(situation_awareness_sensors ${PROJECT_NAME}_sim $<TARGET_NAME_IF_EXISTS:${PROJECT_NAME}_camera>)
   situation_awareness_node(simulator src/ros/nodes/simulator/simulator.cpp ${situation_awareness_sensors})
   target_sources(simulator PRIVATE src/ros/nodes/simulator/sensors.cpp src/ros/nodes/simulator/vehicles.cpp)
-  situation_awareness_node(boundary_evaluator src/ros/nodes/boundary_evaluator.cpp ${PROJECT_NAME}_metrics
-    ${PROJECT_NAME}_sim)
-  situation_awareness_node(map_evaluator src/ros/nodes/map_evaluator.cpp ${PROJECT_NAME}_metrics
-    ${PROJECT_NAME}_sim)
-  situation_awareness_node(target_evaluator src/ros/nodes/target_evaluator.cpp ${PROJECT_NAME}_sim)
+  situation_awareness_node(evaluator src/ros/nodes/evaluator/evaluator.cpp ${PROJECT_NAME}_metrics ${PROJECT_NAME}_sim)
+  target_sources(evaluator PRIVATE src/ros/nodes/evaluator/boundaries.cpp src/ros/nodes/evaluator/features.cpp
+    src/ros/nodes/evaluator/targets.cpp src/ros/nodes/evaluator/transits.cpp)
   situation_awareness_node(simulate_bag src/ros/tools/simulate_bag.cpp ${PROJECT_NAME}_bag
     ${situation_awareness_sensors})
   install(TARGETS ${PROJECT_NAME}_sim LIBRARY DESTINATION ${CATKIN_PACKAGE_LIB_DESTINATION}

@@ -29,12 +29,12 @@ class SimTest(unittest.TestCase):
         self.assertGreaterEqual(len(maps.messages[-1].objects), 3)
 
     def test_2_the_evaluator_prints_a_table_and_a_verdict(self):
-        strict = subprocess.run(["rosrun", "situation_awareness", "map_evaluator", "__name:=strict", "_duration_s:=3.0",
+        strict = subprocess.run(["rosrun", "situation_awareness", "evaluator", "__name:=strict", "_duration_s:=3.0",
                                  "_max_center_rmse_m:=0.0"], capture_output=True, text=True, timeout=60, check=False)
         self.assertEqual(strict.returncode, 1, strict.stdout + strict.stderr)
         self.assertIn("NOT MET", strict.stdout)
         # Of so short a time nothing is asked but that most of what is seen is on the map.
-        lenient = subprocess.run(["rosrun", "situation_awareness", "map_evaluator", "__name:=lenient",
+        lenient = subprocess.run(["rosrun", "situation_awareness", "evaluator", "__name:=lenient",
                                   "_world:=demo", "_duration_s:=3.0", "_min_recall:=0.5", "_max_delay_s:=10",
                                   "_max_false_s:=10", "_max_center_rmse_m:=10", "_max_velocity_rmse_m_s:=10",
                                   "_min_on_map:=0.5", "_max_outline_rms_m:=10", "_max_features_per_thing:=10",
@@ -48,8 +48,8 @@ class SimTest(unittest.TestCase):
         for program, argument, facts in (("simulator", "_rate:=-1", ("rate", "-1", "[0, 100]")),
                                          ("simulator", "_speed:=2", ("speed", "the robot of demo is on a path")),
                                          ("simulator", "_world:=atlantis", ("atlantis.xml",)),
-                                         ("map_evaluator", "_world:=atlantis", ("atlantis.xml",)),
-                                         ("map_evaluator", "_max_delay:=2", ("max_delay", "max_delay_s"))):
+                                         ("evaluator", "_world:=atlantis", ("atlantis.xml",)),
+                                         ("evaluator", "_max_delay:=2", ("max_delay", "max_delay_s"))):
             message = refusal_of_node(program, argument)
             for fact in facts:
                 self.assertIn(fact, message)

@@ -1,6 +1,6 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""simulator and transit_evaluator: a vehicle is steered by its true pose from dock to dock, what stands changes
+"""simulator and evaluator: a vehicle is steered by its true pose from dock to dock, what stands changes
 meanwhile, and the evaluator judges a map that is the truth, and one that has an error."""
 import math
 import pathlib
@@ -91,7 +91,7 @@ class Vehicle:
 
 class TransitsTest(unittest.TestCase):
     def evaluator(self, name, *remappings):
-        return subprocess.Popen(["rosrun", "situation_awareness", "transit_evaluator", f"__name:={name}", *remappings],
+        return subprocess.Popen(["rosrun", "situation_awareness", "evaluator", f"__name:={name}", "_world:=corridor", *remappings],
                                 stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
 
     def test_1_the_evaluator_judges_two_transits(self):
@@ -130,8 +130,9 @@ class TransitsTest(unittest.TestCase):
         del listener, subscriber
 
     def test_2_it_refuses_what_it_does_not_know(self):
-        message = refusal_of_node("transit_evaluator", "_max_distance:=2")
-        self.assertIn("max_distance_m", message)
+        message = refusal_of_node("evaluator", "_world:=corridor", "_max_distance:=2")
+        for fact in ("max_distance_m", "the robot of corridor is a unicycle"):
+            self.assertIn(fact, message)
 
 
 if __name__ == "__main__":

@@ -1,15 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Compares `semantic_map`, `odometry` and `fix` with the truth of the simulator and its world, and prints a table;
-// the exit code tells whether the bounds were met. A flight ends by `flight_done`, or when its `mission` is done.
+// The boundaries of `semantic_map/updates`, `odometry` and `fix` against the truth. A flight ends by `flight_done`, or
+// when its `mission` is done.
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <cstdio>
 #include <deque>
-#include <iterator>
 #include <limits>
-#include <map>
-#include <optional>
+#include <memory>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -20,22 +17,18 @@
 #include <sensor_msgs/NavSatFix.h>
 #include <std_msgs/Empty.h>
 
-#include "situation_awareness/MapUpdate.h"
 #include "situation_awareness/MissionStatus.h"
 #include "situation_awareness/common/time.hpp"
 #include "situation_awareness/evaluation/boundary_evaluation.hpp"
 #include "situation_awareness/geometry/angles.hpp"
-#include "situation_awareness/geometry/pose2.hpp"
-#include "situation_awareness/map/map_replica.hpp"
 #include "situation_awareness/path/large_obstacles.hpp"
 #include "situation_awareness/pose/local_world.hpp"
-#include "situation_awareness/ros/convert/map.hpp"
 #include "situation_awareness/ros/convert/navigation_sensors.hpp"
 #include "situation_awareness/ros/convert/odometry.hpp"
 #include "situation_awareness/ros/convert/time.hpp"
-#include "situation_awareness/ros/params/param_reader.hpp"
-#include "situation_awareness/ros/simulation.hpp"
-#include "situation_awareness/sim/world.hpp"
+
+#include "../simulated_robot.hpp"
+#include "evaluation.hpp"
 
 namespace situation_awareness {
 namespace {
@@ -44,10 +37,9 @@ constexpr double kLastMap_s = 0.5;        ///< after the end of the flight: the 
 constexpr double kLarge_m = 2.5;          ///< diagonal from which on outlines of lines are judged, too
 constexpr std::size_t kEveryPose = 10;    ///< so many poses per one that is compared
 constexpr std::size_t kMaxWaiting = 500;  ///< messages without their counterpart
-constexpr std::size_t kMaxTruths = 2000;
 
 struct BoundaryEvaluatorParams {
-  std::string world = "towers";
+  std::string world = kDefaultWorld;
   int rounds = 0;
   double duration_s = 0.0;
   double max_duration_s = 600.0;
@@ -88,10 +80,12 @@ struct Errors {
   double rms() const { return std::sqrt(square_sum / static_cast<double>(count)); }  ///< NaN without any
 };
 
-class BoundaryEvaluator {
+class BoundaryEvaluator : public Evaluation {
  public:
-  BoundaryEvaluator(const ros::NodeHandle& node, const BoundaryEvaluatorParams& params)
-      : params_(params), node_(node), world_(world_file(params.world)) {
+  explicit BoundaryEvaluator(const EvaluationInputs& inputs)
+      : params_(inputs.params.read<BoundaryEvaluatorParams>(inputs.on_unknown_key)),
+        node_(inputs.node),
+        world_(inputs.world) {
     if (!world_.origin()) throw std::runtime_error(world_.path() + ": it has no world_origin");
     true_pose_ = node_.subscribe("true_pose", 500, &BoundaryEvaluator::on_true_pose, this);
     odometry_ = node_.subscribe("odometry", 500, &BoundaryEvaluator::on_odometry, this);
@@ -106,8 +100,7 @@ class BoundaryEvaluator {
     });
   }
 
-  /// Prints table and verdict; true if the bounds were met.
-  bool report() const {
+  void report(Verdict& verdict) const override {
     const std::vector<TrueObstacle> all_obstacles = obstacles();
     const std::vector<BoundaryScore> scores = score_boundaries(all_obstacles, near(all_obstacles));
     std::printf("%s", format_table(scores).c_str());
@@ -132,33 +125,19 @@ class BoundaryEvaluator {
       std::printf("mission: %u boundaries done, %u boundaries and places given up; %s\n", latest_mission_->done,
                   latest_mission_->given_up, latest_mission_->reason.c_str());
     }
-    bool met = true;
-    if (!finished_) {
-      std::printf("the flight did not come to its end\n");
-      met = false;
-    }
-    const auto judge = [&met](const char* what, double value, double bound, bool is_met, const char* unit) {
-      met = met && is_met;
-      std::printf("%-36s %8.3f %-4s (bound %.3f) %s\n", what, value, unit, bound, is_met ? "met" : "NOT MET");
-    };
-    const auto at_most = [&judge](const char* what, double value, double bound, const char* unit) {
-      judge(what, value, bound, value <= bound, unit);  // false for NaN
-    };
+    if (!finished_) verdict.fail("the flight did not come to its end");
     const auto all = static_cast<double>(scores.size());
-    judge("obstacles with a closed boundary", static_cast<double>(closed), all, closed == scores.size(), "");
-    at_most("boundaries", static_cast<double>(boundaries), all, "");
-    at_most("largest Hausdorff distance", worst.hausdorff_m, params_.max_hausdorff_m, "m");
-    at_most("largest mean distance", worst.mean_m, params_.max_mean_m, "m");
-    at_most("largest error of an area", 100.0 * worst.area_part, 100.0 * params_.max_area_part, "%");
-    judge("outlines in the 99 % envelopes", inside, params_.min_in_envelope_part,
-          inside >= params_.min_in_envelope_part, "");
+    verdict.at_least("obstacles with a closed boundary", static_cast<double>(closed), all);
+    verdict.at_most("boundaries", static_cast<double>(boundaries), all);
+    verdict.at_most("largest Hausdorff distance", worst.hausdorff_m, params_.max_hausdorff_m, "m");
+    verdict.at_most("largest mean distance", worst.mean_m, params_.max_mean_m, "m");
+    verdict.at_most("largest error of an area", 100.0 * worst.area_part, 100.0 * params_.max_area_part, "%");
+    verdict.at_least("outlines in the 99 % envelopes", inside, params_.min_in_envelope_part);
     if (position_.count > 0) {  // else the pose is the true one
-      at_most("RMS of the position over that of GPS", position_.rms() / fixes_.rms(), params_.max_position_part, "");
+      verdict.at_most("RMS of the position over that of GPS", position_.rms() / fixes_.rms(),
+                      params_.max_position_part);
     }
-    judge("least distance from what stands", least_clearance_m_, params_.min_clearance_m,
-          least_clearance_m_ >= params_.min_clearance_m, "m");
-    std::fflush(stdout);
-    return met;
+    verdict.at_least("least distance from what stands", least_clearance_m_, params_.min_clearance_m, "m");
   }
 
  private:
@@ -197,8 +176,7 @@ class BoundaryEvaluator {
   }
 
   void on_true_pose(const geometry_msgs::PoseStampedConstPtr& msg) {
-    truths_[to_nanoseconds(msg->header.stamp)] = pose2_of(msg->pose);
-    if (truths_.size() > kMaxTruths) truths_.erase(truths_.begin());
+    truths_.add(to_nanoseconds(msg->header.stamp), pose2_of(msg->pose));
     if (begin_.isZero()) {
       begin_ = msg->header.stamp;
       things_ = world_.outlines_at(0.0, msg->pose.position.z);
@@ -233,28 +211,12 @@ class BoundaryEvaluator {
   }
 
   void on_update(const MapUpdateConstPtr& msg) {
-    if (finished_) return;
-    try {
-      map_.apply(map_delta_from_msg(*msg));
-    } catch (const std::exception& error) {
-      ROS_ERROR_STREAM_THROTTLE(5.0, "boundary_evaluator: the map is not used: " << error.what());
-    }
-  }
-
-  /// The true pose at a time, nothing while it is not known yet.
-  std::optional<Pose2> truth_at(std::int64_t stamp_ns) const {
-    const auto after = truths_.lower_bound(stamp_ns);
-    if (after == truths_.end()) return std::nullopt;
-    if (after->first == stamp_ns || after == truths_.begin()) return after->second;
-    const auto& [before_ns, before] = *std::prev(after);
-    const double part = static_cast<double>(stamp_ns - before_ns) / static_cast<double>(after->first - before_ns);
-    return Pose2{before.translation_m + part * (after->second.translation_m - before.translation_m),
-                 before.yaw_rad + part * wrap_to_pi(after->second.yaw_rad - before.yaw_rad)};
+    if (!finished_) apply(*msg, map_);
   }
 
   void compare() {
     while (!poses_.empty()) {
-      const auto truth = truth_at(to_nanoseconds(poses_.front()->header.stamp));
+      const auto truth = truths_.at(to_nanoseconds(poses_.front()->header.stamp));
       if (!truth) break;
       const Pose2 pose = pose2_of(poses_.front()->pose.pose);
       position_.add((pose.translation_m - truth->translation_m).norm());
@@ -262,7 +224,7 @@ class BoundaryEvaluator {
       poses_.pop_front();
     }
     while (!waiting_fixes_.empty()) {
-      const auto truth = truth_at(to_nanoseconds(waiting_fixes_.front()->header.stamp));
+      const auto truth = truths_.at(to_nanoseconds(waiting_fixes_.front()->header.stamp));
       if (!truth) break;
       const GeodeticFix fix = fix_from_msg(*waiting_fixes_.front());
       waiting_fixes_.pop_front();
@@ -287,11 +249,11 @@ class BoundaryEvaluator {
 
   BoundaryEvaluatorParams params_;
   ros::NodeHandle node_;
-  World world_;
+  const World& world_;
   ros::Time begin_;
   bool finished_ = false;
   MapReplica map_;
-  std::map<std::int64_t, Pose2> truths_;
+  TruePoses truths_;
   std::deque<nav_msgs::OdometryConstPtr> poses_;
   std::deque<sensor_msgs::NavSatFixConstPtr> waiting_fixes_;
   std::size_t received_poses_ = 0;
@@ -304,20 +266,9 @@ class BoundaryEvaluator {
 };
 
 }  // namespace
-}  // namespace situation_awareness
 
-int main(int argc, char** argv) {
-  ros::init(argc, argv, "boundary_evaluator");
-  ros::NodeHandle node;  // outlives the handler below, which needs it for the log
-  const ros::NodeHandle private_node("~");
-  try {
-    situation_awareness::BoundaryEvaluator evaluator(
-        node, situation_awareness::ParamReader(private_node)
-                  .read<situation_awareness::BoundaryEvaluatorParams>(situation_awareness::refuse));
-    ros::spin();
-    return evaluator.report() ? 0 : 1;
-  } catch (const std::exception& error) {
-    ROS_FATAL_STREAM(ros::this_node::getName() << " does not start: " << error.what());
-    return 1;
-  }
+std::unique_ptr<Evaluation> evaluate_boundaries(const EvaluationInputs& inputs) {
+  return std::make_unique<BoundaryEvaluator>(inputs);
 }
+
+}  // namespace situation_awareness

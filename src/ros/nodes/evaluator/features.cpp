@@ -1,12 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Compares all features of `semantic_map/updates` with the truth of a simulated world at the stamp of each scan, and
-// prints a table; the exit code tells whether the bounds were met.
+// All features of `semantic_map/updates` against the truth of the world at the stamp of each scan.
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <cstdio>
 #include <iterator>
 #include <map>
+#include <memory>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -17,19 +16,17 @@
 #include <tf2_ros/buffer.h>
 #include <tf2_ros/transform_listener.h>
 
-#include "situation_awareness/MapUpdate.h"
 #include "situation_awareness/common/time.hpp"
 #include "situation_awareness/evaluation/bodies.hpp"
 #include "situation_awareness/evaluation/feature_evaluation.hpp"
-#include "situation_awareness/map/map_replica.hpp"
 #include "situation_awareness/points/horizontal_projection.hpp"
-#include "situation_awareness/ros/convert/map.hpp"
 #include "situation_awareness/ros/convert/poses.hpp"
 #include "situation_awareness/ros/convert/scan.hpp"
 #include "situation_awareness/ros/convert/time.hpp"
-#include "situation_awareness/ros/params/param_reader.hpp"
 #include "situation_awareness/ros/simulation.hpp"
-#include "situation_awareness/sim/world.hpp"
+
+#include "../simulated_robot.hpp"
+#include "evaluation.hpp"
 
 namespace situation_awareness {
 namespace {
@@ -39,8 +36,8 @@ constexpr double kTouching_m = 0.05;      ///< walls this near to each other are
 constexpr std::size_t kMaxWaiting = 500;  ///< messages without their counterpart
 constexpr double kLatest_s = 1e6;         ///< a simulation does not last so long: another clock
 
-struct EvaluatorParams {
-  std::string world = "demo";
+struct FeatureEvaluatorParams {
+  std::string world = kDefaultWorld;
   double duration_s = 0.0;
   double min_recall = 0.95;
   double max_delay_s = 1.0;
@@ -189,44 +186,30 @@ class TrueScene {
   std::vector<std::vector<std::size_t>> scenery_;  ///< places in World::outlines_at
 };
 
-class Evaluator {
+class FeatureEvaluator : public Evaluation {
  public:
-  Evaluator(ros::NodeHandle node, const EvaluatorParams& params)
-      : params_(params), world_(world_file(params.world)), truth_(world_), tf_listener_(tf_) {
-    scan_subscriber_ = node.subscribe("scan", 200, &Evaluator::on_scan, this);
-    map_subscriber_ = node.subscribe("semantic_map/updates", 200, &Evaluator::on_update, this);
+  explicit FeatureEvaluator(const EvaluationInputs& inputs)
+      : params_(inputs.params.read<FeatureEvaluatorParams>(inputs.on_unknown_key)),
+        truth_(inputs.world),
+        tf_listener_(tf_) {
+    ros::NodeHandle node = inputs.node;
+    scan_subscriber_ = node.subscribe("scan", 200, &FeatureEvaluator::on_scan, this);
+    map_subscriber_ = node.subscribe("semantic_map/updates", 200, &FeatureEvaluator::on_update, this);
   }
 
-  /// Prints table and verdict; true if the bounds were met.
-  bool report() const {
+  void report(Verdict& verdict) const override {
     const FeatureScore score = evaluation_.score();
     std::printf("%s", format_table(score).c_str());
-    bool met = true;
-    const auto judge = [&met](const char* what, double value, double bound, bool is_met, const char* unit) {
-      met = met && is_met;  // a comparison with NaN is false
-      std::printf("%-42s %8.3f %-3s (bound %.3f) %s\n", what, value, unit, bound, is_met ? "met" : "NOT MET");
-    };
-    const auto at_most = [&judge](const char* what, double value, double bound, const char* unit) {
-      judge(what, value, bound, value <= bound, unit);
-    };
-    const auto at_least = [&judge](const char* what, double value, double bound) {
-      judge(what, value, bound, value >= bound, "");
-    };
-    at_least("visible bodies on the map", score.bodies.recall, params_.min_recall);
-    at_most("longest delay of a visible body", score.bodies.max_delay_s, params_.max_delay_s, "s");
-    at_most("longest duration of a false body", score.bodies.longest_false_s, params_.max_false_s, "s");
-    at_most("centre RMSE, without boxes", score.center_rmse_m, params_.max_center_rmse_m, "m");
-    at_most("velocity RMSE", score.bodies.velocity_rmse_m_s, params_.max_velocity_rmse_m_s, "m/s");
-    at_least("outlines on the map, of those seen", score.on_map_part, params_.min_on_map);
-    at_most("RMS distance of the outlines", score.outline_rms_m, params_.max_outline_rms_m, "m");
-    at_most("features per thing", score.features_per_thing, params_.max_features_per_thing, "");
-    at_most("features' length that is of nothing", score.unexplained_part, params_.max_unexplained, "");
-    if (score.bodies.scans == 0) {
-      std::printf("nothing was compared: there was no scan with a map of its stamp\n");
-      met = false;
-    }
-    std::fflush(stdout);
-    return met;
+    verdict.at_least("visible bodies on the map", score.bodies.recall, params_.min_recall);
+    verdict.at_most("longest delay of a visible body", score.bodies.max_delay_s, params_.max_delay_s, "s");
+    verdict.at_most("longest duration of a false body", score.bodies.longest_false_s, params_.max_false_s, "s");
+    verdict.at_most("centre RMSE, without boxes", score.center_rmse_m, params_.max_center_rmse_m, "m");
+    verdict.at_most("velocity RMSE", score.bodies.velocity_rmse_m_s, params_.max_velocity_rmse_m_s, "m/s");
+    verdict.at_least("outlines on the map, of those seen", score.on_map_part, params_.min_on_map);
+    verdict.at_most("RMS distance of the outlines", score.outline_rms_m, params_.max_outline_rms_m, "m");
+    verdict.at_most("features per thing", score.features_per_thing, params_.max_features_per_thing);
+    verdict.at_most("features' length that is of nothing", score.unexplained_part, params_.max_unexplained);
+    if (score.bodies.scans == 0) verdict.fail("nothing was compared: there was no scan with a map of its stamp");
   }
 
  private:
@@ -236,13 +219,7 @@ class Evaluator {
   }
 
   void on_update(const MapUpdateConstPtr& msg) {
-    try {
-      if (replica_.apply(map_delta_from_msg(*msg)) == MapReplica::Verdict::kTaken) {
-        maps_[msg->header.stamp] = {msg->header.frame_id, replica_.map()};
-      }
-    } catch (const std::exception& error) {
-      ROS_ERROR_STREAM_THROTTLE(5.0, "map_evaluator: the map is not used: " << error.what());
-    }
+    if (apply(*msg, replica_)) maps_[msg->header.stamp] = {msg->header.frame_id, replica_.map()};
     compare();
   }
 
@@ -272,7 +249,7 @@ class Evaluator {
     while (scans_.size() > kMaxWaiting) scans_.erase(scans_.begin());
     while (maps_.size() > kMaxWaiting) maps_.erase(maps_.begin());
   } catch (const std::exception& error) {
-    ROS_ERROR_STREAM_THROTTLE(5.0, "map_evaluator: " << error.what());
+    ROS_ERROR_STREAM_THROTTLE(5.0, "evaluator: " << error.what());
     maps_.clear();
   }
 
@@ -281,8 +258,7 @@ class Evaluator {
     Map map;
   };
 
-  EvaluatorParams params_;
-  World world_;
+  FeatureEvaluatorParams params_;
   TrueScene truth_;
   FeatureEvaluation evaluation_;
   MapReplica replica_;
@@ -295,20 +271,9 @@ class Evaluator {
 };
 
 }  // namespace
-}  // namespace situation_awareness
 
-int main(int argc, char** argv) {
-  ros::init(argc, argv, "map_evaluator");
-  ros::NodeHandle node;  // outlives the handler below, which needs it for the log
-  const ros::NodeHandle private_node("~");
-  try {
-    situation_awareness::Evaluator evaluator(
-        node, situation_awareness::ParamReader(private_node)
-                  .read<situation_awareness::EvaluatorParams>(situation_awareness::refuse));
-    ros::spin();
-    return evaluator.report() ? 0 : 1;
-  } catch (const std::exception& error) {
-    ROS_FATAL_STREAM(ros::this_node::getName() << " does not start: " << error.what());
-    return 1;
-  }
+std::unique_ptr<Evaluation> evaluate_features(const EvaluationInputs& inputs) {
+  return std::make_unique<FeatureEvaluator>(inputs);
 }
+
+}  // namespace situation_awareness

@@ -1,11 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Compares `targets` with the things of a simulated world and prints a table; the exit code tells whether the bounds
-// were met. A flight ends by `flight_done`, or after a set time.
+// `targets` against the things of the world. A flight ends by `flight_done`, or after a set time.
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
-#include <limits>
-#include <map>
+#include <memory>
 #include <set>
 #include <string>
 #include <vector>
@@ -17,18 +14,19 @@
 #include "situation_awareness/TargetArray.h"
 #include "situation_awareness/ros/convert/grid.hpp"
 #include "situation_awareness/ros/convert/time.hpp"
-#include "situation_awareness/ros/params/param_reader.hpp"
-#include "situation_awareness/ros/simulation.hpp"
-#include "situation_awareness/sim/world.hpp"
+
+#include "../simulated_robot.hpp"
+#include "evaluation.hpp"
 
 namespace situation_awareness {
 namespace {
 
 constexpr double kLastImage_s = 1.0;     ///< after the end of the flight: the targets of its last image have come
+constexpr double kWatch_s = 0.05;        ///< period in which the end is looked for
 constexpr double kChiSquare99 = 9.2103;  ///< its quantile with two degrees of freedom
 
 struct TargetEvaluatorParams {
-  std::string world = "carpark";
+  std::string world = kDefaultWorld;
   std::string kind = "car";
   double half_region_m = 100.0;
   double duration_s = 0.0;
@@ -56,36 +54,20 @@ struct TargetEvaluatorParams {
   }
 };
 
-class TargetEvaluator {
+class TargetEvaluator : public Evaluation {
  public:
-  TargetEvaluator(const ros::NodeHandle& node, const TargetEvaluatorParams& params)
-      : params_(params), node_(node), world_(world_file(params.world)) {
-    targets_ = node_.subscribe<TargetArray>("targets", 50, [this](const TargetArrayConstPtr& msg) { take(*msg); });
-    done_ = node_.subscribe<std_msgs::Empty>("flight_done", 1, [this](const std_msgs::EmptyConstPtr&) {
+  explicit TargetEvaluator(const EvaluationInputs& inputs)
+      : params_(inputs.params.read<TargetEvaluatorParams>(inputs.on_unknown_key)), world_(inputs.world) {
+    ros::NodeHandle node = inputs.node;
+    targets_ = node.subscribe<TargetArray>("targets", 50, [this](const TargetArrayConstPtr& msg) { take(*msg); });
+    done_ = node.subscribe<std_msgs::Empty>("flight_done", 1, [this](const std_msgs::EmptyConstPtr&) {
       if (params_.duration_s == 0.0 && end_.isZero()) end_ = ros::Time::now() + ros::Duration(kLastImage_s);
     });
+    watch_ = node.createTimer(ros::Duration(kWatch_s), [this](const ros::TimerEvent&) { watch(); });
   }
 
-  /// Until the end of the flight; false where it did not come.
-  bool wait() {
-    ros::WallRate rate(20.0);
-    while (ros::ok()) {
-      ros::spinOnce();
-      const ros::Time now = ros::Time::now();
-      if (begin_.isZero() && !now.isZero() && received_ > 0) begin_ = now;
-      if (!begin_.isZero()) {
-        const double flown_s = (now - begin_).toSec();
-        if (params_.duration_s > 0.0 && flown_s >= params_.duration_s) return true;
-        if (!end_.isZero() && now >= end_) return true;
-        if (flown_s > params_.max_duration_s) return false;
-      }
-      rate.sleep();
-    }
-    return false;
-  }
-
-  /// Prints table and verdict; true if the bounds were met.
-  bool report() const {
+  void report(Verdict& verdict) const override {
+    if (!finished_) verdict.fail("the flight did not come to its end");
     int missed = 0, inside = 0;
     double worst_m = 0.0;
     std::set<std::uint64_t> matched;
@@ -126,49 +108,42 @@ class TargetEvaluator {
                   static_cast<unsigned long long>(target.id));
     }
     const std::size_t found = things - static_cast<std::size_t>(missed);
-    bool met = things > 0;
-    const auto judge = [&met](const char* what, double value, double bound, bool is_met, const char* unit) {
-      met = met && is_met;
-      std::printf("%-36s %8.3f %-2s (bound %.3f) %s\n", what, value, unit, bound, is_met ? "met" : "NOT MET");
-    };
-    judge("things missed", missed, params_.max_missed, missed <= params_.max_missed, "");
-    judge("wrong targets", wrong, params_.max_wrong, wrong <= params_.max_wrong, "");
-    judge("largest distance of a centroid", worst_m, params_.max_distance_m, worst_m <= params_.max_distance_m, "m");
+    if (things == 0) verdict.fail("the world has none of these things");
+    verdict.at_most("things missed", missed, params_.max_missed);
+    verdict.at_most("wrong targets", wrong, params_.max_wrong);
+    verdict.at_most("largest distance of a centroid", worst_m, params_.max_distance_m, "m");
     const double part = found > 0 ? static_cast<double>(inside) / static_cast<double>(found) : 0.0;
-    judge("things in their 99 % regions", part, params_.min_in_region_part, part >= params_.min_in_region_part, "");
-    return met;
+    verdict.at_least("things in their 99 % regions", part, params_.min_in_region_part);
   }
 
  private:
   void take(const TargetArray& msg) {
     latest_ = grid_targets_from_msg(msg);
-    ++received_;
+    if (begin_.isZero()) begin_ = ros::Time::now();
+  }
+
+  /// Ends at the end of the flight, or where that takes too long.
+  void watch() {
+    if (begin_.isZero()) return;
+    const ros::Time now = ros::Time::now();
+    const double flown_s = (now - begin_).toSec();
+    finished_ = (params_.duration_s > 0.0 && flown_s >= params_.duration_s) || (!end_.isZero() && now >= end_);
+    if (finished_ || flown_s > params_.max_duration_s) ros::shutdown();
   }
 
   TargetEvaluatorParams params_;
-  ros::NodeHandle node_;
-  World world_;
-  ros::Subscriber targets_, done_;
+  const World& world_;
   GridTargets latest_;
-  std::size_t received_ = 0;
+  bool finished_ = false;
   ros::Time begin_, end_;
+  ros::Subscriber targets_, done_;
+  ros::Timer watch_;
 };
 
 }  // namespace
-}  // namespace situation_awareness
 
-int main(int argc, char** argv) {
-  ros::init(argc, argv, "target_evaluator");
-  const ros::NodeHandle node;
-  try {
-    situation_awareness::TargetEvaluator evaluator(
-        node, situation_awareness::ParamReader(ros::NodeHandle("~"))
-                  .read<situation_awareness::TargetEvaluatorParams>(situation_awareness::refuse));
-    const bool has_ended = evaluator.wait();
-    if (!has_ended) std::printf("the flight did not come to its end\n");
-    return evaluator.report() && has_ended ? 0 : 1;
-  } catch (const std::exception& error) {
-    std::fprintf(stderr, "target_evaluator: %s\n", error.what());
-    return 1;
-  }
+std::unique_ptr<Evaluation> evaluate_targets(const EvaluationInputs& inputs) {
+  return std::make_unique<TargetEvaluator>(inputs);
 }
+
+}  // namespace situation_awareness

@@ -1,13 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Compares `pose` and the map of `semantic_map/updates` with the truth of the simulator, transit by transit, and
-// prints a table; the exit code tells whether the bounds were met.
+// `pose` and the map of `semantic_map/updates` against the truth, transit by transit.
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <deque>
 #include <iterator>
-#include <map>
-#include <optional>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -18,18 +15,16 @@
 #include <tf2_ros/buffer.h>
 #include <tf2_ros/transform_listener.h>
 
-#include "situation_awareness/MapUpdate.h"
 #include "situation_awareness/Transit.h"
 #include "situation_awareness/common/time.hpp"
 #include "situation_awareness/evaluation/transit_evaluation.hpp"
-#include "situation_awareness/geometry/angles.hpp"
-#include "situation_awareness/map/map_replica.hpp"
-#include "situation_awareness/ros/convert/map.hpp"
 #include "situation_awareness/ros/convert/odometry.hpp"
 #include "situation_awareness/ros/convert/poses.hpp"
 #include "situation_awareness/ros/convert/scan.hpp"
 #include "situation_awareness/ros/convert/time.hpp"
-#include "situation_awareness/ros/params/param_reader.hpp"
+
+#include "../simulated_robot.hpp"
+#include "evaluation.hpp"
 
 namespace situation_awareness {
 namespace {
@@ -40,6 +35,7 @@ constexpr std::size_t kMaxWaiting = 500;  ///< messages without their counterpar
 constexpr double kSpacing_m = 0.1;        ///< of the places along a boundary
 
 struct TransitEvaluatorParams {
+  std::string world = kDefaultWorld;
   bool localization = true;
   std::string base_frame = "base_link";
   double max_transit_s = 180.0;
@@ -53,6 +49,7 @@ struct TransitEvaluatorParams {
 
   template <class Self, class Visit>
   static void fields(Self& self, Visit&& visit) {
+    visit("world", self.world, "name of a world in models/worlds, or a path: its robot is a unicycle");
     visit("localization", self.localization, "judge the poses, too");
     visit("base_frame", self.base_frame, "frame of the vehicle");
     visit("max_transit_s", self.max_transit_s, Bounds{1.0, 1e6}, "s", "a vehicle that takes longer has got stuck");
@@ -111,10 +108,12 @@ Polygons bodies_of(const MapLayers& layers) {
   return outlines;
 }
 
-class TransitEvaluator {
+class TransitEvaluator : public Evaluation {
  public:
-  TransitEvaluator(const ros::NodeHandle& node, const TransitEvaluatorParams& params)
-      : params_(params), node_(node), tf_listener_(tf_) {
+  explicit TransitEvaluator(const EvaluationInputs& inputs)
+      : params_(inputs.params.read<TransitEvaluatorParams>(inputs.on_unknown_key)),
+        node_(inputs.node),
+        tf_listener_(tf_) {
     transit_ = node_.subscribe("transit", 20, &TransitEvaluator::on_transit, this);
     true_pose_ = node_.subscribe("true_pose", 500, &TransitEvaluator::on_true_pose, this);
     scan_ = node_.subscribe("scan", 500, &TransitEvaluator::on_scan, this);
@@ -123,8 +122,7 @@ class TransitEvaluator {
     watch_ = node_.createTimer(ros::Duration(1.0), [this](const ros::TimerEvent&) { watch(); });
   }
 
-  /// Prints table and verdict; true if the bounds were met.
-  bool report() const {
+  void report(Verdict& verdict) const override {
     std::printf("%s", format_table(scores_).c_str());
     TransitScore worst;
     std::size_t right = 0, all = 0;
@@ -141,28 +139,19 @@ class TransitEvaluator {
       all += score.in_sight.size() + score.gone.size();
       right += score.in_sight.size() - score.missed.size() + score.gone.size() - score.gone_left.size();
     }
-    bool met = finished_;
-    if (!finished_) std::printf("the vehicle has not come to the end of the last transit\n");
-    const auto judge = [&met](const char* what, double value, double bound, bool is_met, const char* unit) {
-      met = met && is_met;
-      std::printf("%-34s %8.3f %-4s (bound %.3f) %s\n", what, value, unit, bound, is_met ? "met" : "NOT MET");
-    };
-    const auto at_most = [&judge](const char* what, double value, double bound, const char* unit) {
-      judge(what, value, bound, value <= bound, unit);  // false for NaN
-    };
-    at_most("largest mean distance of chains", 100.0 * worst.mean_distance_m, 100.0 * params_.max_mean_distance_m,
-            "cm");
-    at_most("greatest distance of a chain", 100.0 * worst.max_distance_m, 100.0 * params_.max_distance_m, "cm");
-    at_most("longest false chains", worst.false_m, params_.max_false_m, "m");
-    judge("least coverage", worst.coverage, params_.min_coverage, worst.coverage >= params_.min_coverage, "");
-    const double found = static_cast<double>(right) / static_cast<double>(all);
-    judge("things found, or found to have gone", found, params_.min_found, found >= params_.min_found, "");
+    if (!finished_) verdict.fail("the vehicle has not come to the end of the last transit");
+    verdict.at_most("largest mean distance of chains", 100.0 * worst.mean_distance_m,
+                    100.0 * params_.max_mean_distance_m, "cm");
+    verdict.at_most("greatest distance of a chain", 100.0 * worst.max_distance_m, 100.0 * params_.max_distance_m, "cm");
+    verdict.at_most("longest false chains", worst.false_m, params_.max_false_m, "m");
+    verdict.at_least("least coverage", worst.coverage, params_.min_coverage);
+    verdict.at_least("things found, or found to have gone", static_cast<double>(right) / static_cast<double>(all),
+                     params_.min_found);
     if (params_.localization) {
-      at_most("largest RMS error of the position", 1e3 * worst.position_rms_m, 1e3 * params_.max_position_rms_m, "mm");
-      at_most("largest RMS error of the yaw", 1e3 * worst.yaw_rms_rad, 1e3 * params_.max_yaw_rms_rad, "mrad");
+      verdict.at_most("largest RMS error of the position", 1e3 * worst.position_rms_m, 1e3 * params_.max_position_rms_m,
+                      "mm");
+      verdict.at_most("largest RMS error of the yaw", 1e3 * worst.yaw_rms_rad, 1e3 * params_.max_yaw_rms_rad, "mrad");
     }
-    std::fflush(stdout);
-    return met;
   }
 
  private:
@@ -186,12 +175,12 @@ class TransitEvaluator {
     scans_.clear();
     poses_.clear();
   } catch (const std::exception& error) {
-    ROS_ERROR_STREAM("transit_evaluator: transit " << msg->number << ": " << error.what());
+    ROS_ERROR_STREAM("evaluator: transit " << msg->number << ": " << error.what());
   }
 
   void on_true_pose(const geometry_msgs::PoseStampedConstPtr& msg) {
     const Pose2 pose = pose2_of(msg->pose);
-    truths_[to_nanoseconds(msg->header.stamp)] = pose;
+    truths_.add(to_nanoseconds(msg->header.stamp), pose);
     evaluation_.add_motion(to_nanoseconds(msg->header.stamp), pose);
     compare();
   }
@@ -206,31 +195,13 @@ class TransitEvaluator {
     compare();
   }
 
-  void on_update(const MapUpdateConstPtr& msg) {
-    try {
-      map_.apply(map_delta_from_msg(*msg));
-    } catch (const std::exception& error) {
-      ROS_ERROR_STREAM_THROTTLE(5.0, "transit_evaluator: the map is not used: " << error.what());
-    }
-  }
-
-  /// The true pose at a time, nothing while it is not known yet.
-  std::optional<Pose2> truth_at(std::int64_t stamp_ns) const {
-    const auto after = truths_.lower_bound(stamp_ns);
-    if (after == truths_.end()) return std::nullopt;
-    if (after->first == stamp_ns) return after->second;
-    if (after == truths_.begin()) return std::nullopt;
-    const auto& [before_ns, before] = *std::prev(after);
-    const double part = static_cast<double>(stamp_ns - before_ns) / static_cast<double>(after->first - before_ns);
-    return Pose2{before.translation_m + part * (after->second.translation_m - before.translation_m),
-                 before.yaw_rad + part * wrap_to_pi(after->second.yaw_rad - before.yaw_rad)};
-  }
+  void on_update(const MapUpdateConstPtr& msg) { apply(*msg, map_); }
 
   void compare() try {
     while (!scans_.empty()) {
       const sensor_msgs::LaserScan& msg = *scans_.front();
-      const auto first = truth_at(to_nanoseconds(msg.header.stamp)),
-                 last = truth_at(to_nanoseconds(time_of_last_beam(msg)));
+      const auto first = truths_.at(to_nanoseconds(msg.header.stamp)),
+                 last = truths_.at(to_nanoseconds(time_of_last_beam(msg)));
       if (!first || !last) break;
       const geometry_msgs::TransformStamped mounting =
           tf_.lookupTransform(params_.base_frame, tf2_frame(msg.header.frame_id), ros::Time(0));
@@ -241,19 +212,17 @@ class TransitEvaluator {
     }
     while (!poses_.empty()) {
       const geometry_msgs::PoseWithCovarianceStamped& msg = *poses_.front();
-      const auto truth = truths_.find(to_nanoseconds(msg.header.stamp));
-      if (truth == truths_.end()) {
-        if (!truths_.empty() && to_nanoseconds(msg.header.stamp) > truths_.rbegin()->first) break;
-      } else {
-        evaluation_.add_pose(pose2_of(msg.pose.pose), planar_covariance(msg.pose), truth->second);
+      const std::int64_t stamp_ns = to_nanoseconds(msg.header.stamp);
+      if (!truths_.has_come(stamp_ns)) break;
+      if (const auto truth = truths_.with_stamp(stamp_ns)) {
+        evaluation_.add_pose(pose2_of(msg.pose.pose), planar_covariance(msg.pose), *truth);
       }
       poses_.pop_front();
     }
-    while (truths_.size() > kMaxWaiting) truths_.erase(truths_.begin());
     while (scans_.size() > kMaxWaiting) scans_.pop_front();
     while (poses_.size() > kMaxWaiting) poses_.pop_front();
   } catch (const std::exception& error) {
-    ROS_ERROR_STREAM_THROTTLE(5.0, "transit_evaluator: " << error.what());
+    ROS_ERROR_STREAM_THROTTLE(5.0, "evaluator: " << error.what());
     scans_.clear();
     poses_.clear();
   }
@@ -269,7 +238,7 @@ class TransitEvaluator {
 
   void watch() {
     if (!is_driving_ || begin_.isZero() || (ros::Time::now() - begin_).toSec() < params_.max_transit_s) return;
-    ROS_ERROR_STREAM("transit_evaluator: transit " << number_ << " takes more than " << params_.max_transit_s << " s");
+    ROS_ERROR_STREAM("evaluator: transit " << number_ << " takes more than " << params_.max_transit_s << " s");
     is_driving_ = false;
     end((ros::Time::now() - begin_).toSec(), false);
     ros::shutdown();
@@ -282,7 +251,7 @@ class TransitEvaluator {
   bool is_driving_ = false, finished_ = false;
   std::uint32_t number_ = 0;
   ros::Time begin_;
-  std::map<std::int64_t, Pose2> truths_;  ///< of this transit
+  TruePoses truths_;  ///< of this transit
   std::size_t received_scans_ = 0;
   std::deque<sensor_msgs::LaserScanConstPtr> scans_;
   std::deque<geometry_msgs::PoseWithCovarianceStampedConstPtr> poses_;
@@ -294,20 +263,9 @@ class TransitEvaluator {
 };
 
 }  // namespace
-}  // namespace situation_awareness
 
-int main(int argc, char** argv) {
-  ros::init(argc, argv, "transit_evaluator");
-  ros::NodeHandle node;  // outlives the handler below, which needs it for the log
-  const ros::NodeHandle private_node("~");
-  try {
-    situation_awareness::TransitEvaluator evaluator(
-        node, situation_awareness::ParamReader(private_node)
-                  .read<situation_awareness::TransitEvaluatorParams>(situation_awareness::refuse));
-    ros::spin();
-    return evaluator.report() ? 0 : 1;
-  } catch (const std::exception& error) {
-    ROS_FATAL_STREAM(ros::this_node::getName() << " does not start: " << error.what());
-    return 1;
-  }
+std::unique_ptr<Evaluation> evaluate_transits(const EvaluationInputs& inputs) {
+  return std::make_unique<TransitEvaluator>(inputs);
 }
+
+}  // namespace situation_awareness

@@ -19,12 +19,9 @@
 #include "situation_awareness/sim/transits.hpp"
 #include "situation_awareness/sim/world.hpp"
 
+#include "../simulated_robot.hpp"
+
 namespace situation_awareness {
-
-/// How the robot of a world moves: along the path of the file, or as it is led.
-enum class VehicleKind { kPath, kUnicycle, kFixedWing, kMultirotor };
-
-constexpr const char* kDefaultWorld = "demo";
 
 /// Which parameters there are depends on the vehicle.
 struct SimulatorParams {

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // A simulated world in place of a robot: /clock, measurements of the sensors of the world's file, and the truth for
 // evaluation and rviz. Its robot is on a path, or is led as a vehicle on wheels, on wings or as a multirotor.
-#include <array>
-#include <cstddef>
 #include <memory>
 #include <stdexcept>
 #include <string>
@@ -19,21 +17,6 @@
 namespace situation_awareness {
 namespace {
 
-VehicleKind kind_of(World& world) {
-  if (world.vehicle() != nullptr) return VehicleKind::kUnicycle;
-  if (world.aircraft() != nullptr) return VehicleKind::kFixedWing;
-  return world.multirotor() != nullptr ? VehicleKind::kMultirotor : VehicleKind::kPath;
-}
-
-SimulatorParams read_params(const ros::NodeHandle& private_node, const std::string& world, VehicleKind kind) {
-  const auto refuse_for_robot = [&](UnknownKey key) {
-    constexpr std::array kRobots{"on a path", "a unicycle", "a fixed_wing", "a multirotor"};
-    key.source += ": the robot of " + world + " is " + kRobots.at(static_cast<std::size_t>(kind));
-    refuse(key);
-  };
-  return ParamReader(private_node).read(refuse_for_robot, SimulatorParams(kind));
-}
-
 /// The world's sensors, or with `rings` the one that replaces its scanners.
 WorldSensors sensors_with(const World& world, int rings) {
   WorldSensors sensors = sensors_of(world);
@@ -48,7 +31,8 @@ WorldSensors sensors_with(const World& world, int rings) {
 void simulate(ros::NodeHandle& node, const ros::NodeHandle& private_node) {
   const auto name = private_node.param<std::string>("world", kDefaultWorld);
   World world(world_file(name));
-  const SimulatorParams params = read_params(private_node, name, kind_of(world));
+  const VehicleKind kind = kind_of(world);
+  const auto params = ParamReader(private_node).read(refuse_for_robot(name, kind), SimulatorParams(kind));
   Simulation simulation(node, params, world, sensors_with(world, params.rings));
   const std::unique_ptr<SimulatedVehicle> vehicle = make_vehicle(simulation);
   const SensorTopics topics = add_sensors(simulation, *vehicle);
