@@ -7,8 +7,8 @@
 
 #include <Eigen/Geometry>
 
-#include "situation_awareness/detections/refine.hpp"
 #include "situation_awareness/geometry/ellipse.hpp"
+#include "situation_awareness/pipeline/arrivals.hpp"
 #include "situation_awareness/pipeline/object_pipeline.hpp"
 #include "situation_awareness/points/horizontal_projection.hpp"
 #include "situation_awareness/segments/divide.hpp"
@@ -55,10 +55,9 @@ class StagedPipeline {
     v.segments = stage("lines", [&] {
       return with_straight_pieces(std::move(v.segments), params_.segments, params_.detections.fit.range_sigma_m);
     });
-    v.detected = stage("detect", [&] { return detector_->detect(v.segments, std::move(v.detected)); });
+    v.detected = stage("detect", [&] { return detector_->detect(v.segments, v.known_level, std::move(v.detected)); });
     v.detections = v.detected;
-    v.detections = stage(
-        "refine", [&] { return refine(std::move(v.detections), v.segments, v.known_level, detector_->scan_fit()); });
+    v.detections = stage("arrivals", [&] { return arrivals_.mark(v.segments, std::move(v.detections)); });
     v.update = stage("update", [&] { return map_.update(v.detections, std::move(v.update)); });
     v.map = stage("publish", [&] { return map_.at(scan.stamp_ns, std::move(v.map)); });
     return v;
@@ -69,6 +68,7 @@ class StagedPipeline {
  private:
   ObjectPipelineParams params_;
   std::unique_ptr<ProbableDetector> detector_;
+  Arrivals arrivals_;
   ObjectMap map_;
   Objects known_;
   StageValues values_;

@@ -111,19 +111,10 @@ void divide(benchmark::State& state, const Recording& recording) {
 }
 
 void detect(benchmark::State& state, const Recording& recording) {
-  const std::unique_ptr<Detector> detector = make_detector(shipped_params().detections);
-  measure(state, recording, nothing,
-          [&](const SyntheticScan&, const StageValues& values) { return detector->detect(values.segments); });
-}
-
-void refine(benchmark::State& state, const Recording& recording) {
-  Detections detected;
-  measure(
-      state, recording, [&](std::size_t i) { detected = recording.stages[i % recording.stages.size()].detected; },
-      [&](const SyntheticScan&, const StageValues& values) {
-        return situation_awareness::refine(std::move(detected), values.segments, values.known_level,
-                                           shipped_params().detections.fit);
-      });
+  const std::unique_ptr<ProbableDetector> detector = make_detector(shipped_params().detections);
+  measure(state, recording, nothing, [&](const SyntheticScan&, const StageValues& values) {
+    return detector->detect(values.segments, values.known_level);
+  });
 }
 
 void update(benchmark::State& state, const Recording& recording) {
@@ -177,9 +168,8 @@ struct Stage {
 };
 
 constexpr Stage kStages[] = {
-    {"limit", limit},     {"project", project}, {"expect", expect}, {"segment", segment},
-    {"divide", divide},   {"detect", detect},   {"refine", refine}, {"update", update},
-    {"publish", publish}, {"label", label},     {"whole", whole},
+    {"limit", limit},   {"project", project}, {"expect", expect},   {"segment", segment}, {"divide", divide},
+    {"detect", detect}, {"update", update},   {"publish", publish}, {"label", label},     {"whole", whole},
 };
 
 benchmark::internal::Benchmark* add(const std::string& name, const std::function<void(benchmark::State&)>& run) {

@@ -42,6 +42,7 @@ LINE_HIT = Work(12, 16)  # sums of x, y, xx, xy and yy
 EXPECTED_ELEMENT = Work(40, ELEMENT_BYTES + 40)  # state at the stamp, ellipse in the level frame
 DIVIDED_HIT = Work(10, 16)  # distance from one outline
 FITTED_HIT = Work(30 + 40, 16)  # residual, its 5 derivatives and their 15 products, one iteration
+ARRIVED_HIT = Work(8 * 8, 8 * 16)  # turned into each of eight scans of the past, and compared with the beam there
 DETECTED_SEGMENT = Work(NETWORKS_PARAMETERS, 0)  # a product and a sum in single precision are one operation in double
 # Prediction of the covariance with velocities and turn rate; S = H P H' + R and its Cholesky factor, the gain by
 # substitution, P - K S K' of which one half is needed.
@@ -70,7 +71,7 @@ def of_stages(line):
     hits = line["hits"]
     return {"limit": beams * LIMITED_BEAM, "project": beams * PROJECTED_BEAM, "expect": elements * EXPECTED_ELEMENT,
             "segment": beams * SEGMENTED_BEAM, "divide": hits * DIVIDED_HIT, "lines": beams * LINE_HIT,
-            "detect": segments * DETECTED_SEGMENT, "refine": hits * FITTED_HIT,
+            "detect": segments * DETECTED_SEGMENT + hits * FITTED_HIT, "arrivals": hits * ARRIVED_HIT,
             "update": line["detections"] * UPDATED_ELEMENT, "publish": elements * PUBLISHED_ELEMENT}
 
 
