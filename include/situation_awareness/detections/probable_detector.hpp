@@ -34,9 +34,6 @@ class ProbableDetector final : public Detector {
 
   void set_fit(const EllipseFitParams& fit) override { fit_ = fit; }
 
-  /// The parameters with the range noise of the latest scan.
-  const EllipseFitParams& scan_fit() const { return scan_fit_; }
-
   std::string model_sha256() const override { return detector_->model_sha256(); }
 
   /// From the next scan on.
