@@ -22,8 +22,8 @@ constexpr double kSearch_m = 40.0;  ///< for something nearer
 constexpr double kAround_m = 2.0;   ///< in which a cell is compared with others
 constexpr float kNoisy = 0.9F;      ///< part of the soft means that the sharp ones reach where labels are not noisy
 
-/// 1 where images from enough of the directions that the cell was seen from show the class, or from both ends of
-/// them: what is above the ground shows before the cell from a few directions side by side.
+/// Returns 1 where images from enough of the directions that the cell was seen from show the class, or from both ends
+/// of them, and less elsewhere: what is above the ground shows before the cell from a few directions side by side.
 float enough_directions(const Observed& observed, std::size_t cell, const Evidence& evidence, std::size_t offset) {
   const Directions& of_class = evidence.class_seen[offset];
   const Directions all = observed.seen(cell);
@@ -55,7 +55,7 @@ void ClassProbability::read(SemanticGrid& grid, bool only_class) const {
   tiles_.add_settled(static_cast<float>(columns_.offset_m(believed_)), static_cast<float>(probability_by(0.0)), grid);
 }
 
-/// Means of evidence, of both kinds, and the cells where either may be of the class.
+/// Reads the means of evidence, of both kinds, and finds the cells where either may be of the class.
 void ClassProbability::read_tile(const Place& key, const Tile& tile, SemanticGrid& grid, std::vector<float>& soft,
                                  std::vector<std::size_t>& of_class) const {
   const auto believed = static_cast<std::size_t>(believed_);
@@ -83,7 +83,7 @@ void ClassProbability::read_tile(const Place& key, const Tile& tile, SemanticGri
   }
 }
 
-/// From means of evidence to probabilities: something of the class is where the mean is at least half of what it is
+/// Makes probabilities of means of evidence: something of the class is where the mean is at least half of what it is
 /// around. Labels that miss the class in a part of the images, or a pose with noise, lower both. Where labels are so
 /// noisy that columns that are of the class from foot to top are rare, it is the soft means.
 void ClassProbability::judge(SemanticGrid& grid, const std::vector<float>& soft,
@@ -125,8 +125,8 @@ void ClassProbability::judge(SemanticGrid& grid, const std::vector<float>& soft,
   }
 }
 
-/// Whether the images that show the class on a cell agree better on something nearer to them that their sight lines
-/// to the cell pass through: on the ground, or above it as far as the errors of the elevation reach.
+/// Returns whether the images that show the class on a cell agree better on something nearer to them that their sight
+/// lines to the cell pass through: on the ground, or above it as far as the errors of the elevation reach.
 bool ClassProbability::is_of_something_nearer(const SemanticGrid& grid, std::size_t cell) const {
   const int column = grid.first_column + static_cast<int>(cell) % grid.width;
   const int row = grid.first_row + static_cast<int>(cell) / grid.width;
@@ -156,8 +156,8 @@ bool ClassProbability::is_of_something_nearer(const SemanticGrid& grid, std::siz
   return false;
 }
 
-/// 1 where as many images show the class as it takes to believe them. One of the many that a map has is not enough
-/// even where no other shows the cell.
+/// Returns 1 where as many images show the class as it takes to believe them. Less is returned elsewhere: one of the
+/// many that a map has is not enough even where no other shows the cell.
 float ClassProbability::enough_images(const Observed& observed, std::size_t cell, const Evidence& evidence) const {
   const int images = std::clamp(observed.images[cell], std::min(images_, kFew), kEnough);
   return std::min(1.0F, static_cast<float>(evidence.class_images) / static_cast<float>(images));

@@ -21,13 +21,13 @@ namespace {
 
 // Where no source is named, none is recorded; the sensitivity of these was not measured.
 
-/// Weight of evidence against the class, as what is hidden by something unknown looks like nothing.
+/// The weight of evidence against the class, since what is hidden by something unknown looks like nothing.
 constexpr double kNegativeWeight = 0.4;
-/// Weight of a column that shows the class in a part only: at an edge, or partly hidden.
+/// The weight of a column that shows the class in a part only: at an edge, or partly hidden.
 constexpr double kPartialWeight = 0.7;
-/// Weight of a cell's evidence: an image counts 1 at most, and after so many older ones fade.
+/// The greatest weight of a cell's evidence, of which an image has 1 at most: from there on older ones fade.
 constexpr double kMaxWeight = 100.0;
-/// m. Step between the nine errors of the elevation that are tried.
+/// The step in m between the nine errors of the elevation that are tried.
 constexpr double kOffsetStep_m = 0.5;
 
 constexpr int kOffsets = GridMap::kOffsets;
@@ -96,7 +96,7 @@ class GridMap::Impl {
     horizon_.set_elevation(*elevation_);
   }
 
-  /// All of each tile, whose ground is found when it is first in reach, and what it is smoothed by.
+  /// The reach covers all of each tile, whose ground is found when it is first in reach, and what it is smoothed by.
   double needed_reach_m() const { return params_.reach_m + 3.0 * kTileCells * params_.cell_m + 4.0 * params_.smooth_m; }
 
   bool is_settled(const Eigen::Vector2d& p_world_m) const {
@@ -140,7 +140,7 @@ class GridMap::Impl {
 
   double max_offset_m() const { return offset_m(kOffsets - 1); }
 
-  /// How well the images agree with an error of the elevation, less what speaks against a large one.
+  /// Returns how well the images agree with an error of the elevation, less what speaks against a large one.
   double credible(int offset) const {
     const auto i = static_cast<std::size_t>(offset);
     const double as_given = all_sum_[kOffsets / 2] > 0.0 ? shared_sum_[kOffsets / 2] / all_sum_[kOffsets / 2] : 0.0;
@@ -148,14 +148,14 @@ class GridMap::Impl {
     return agreement - kLeastGain * std::abs(offset - kOffsets / 2);
   }
 
-  /// Of the ground in a direction; none beside ground that is not known.
+  /// Returns the slope of the ground in a direction, or 0 beside ground that is not known.
   double slope_along(const Eigen::Vector2d& p_world_m, const Eigen::Vector2d& ahead) const {
     const Eigen::Vector2d far_m = p_world_m + ahead, near_m = p_world_m - ahead;
     const double slope = 0.5 * (ground_->at(far_m.x(), far_m.y()) - ground_->at(near_m.x(), near_m.y()));
     return std::isnan(slope) ? 0.0 : slope;
   }
 
-  /// Which columns of a row may show the class.
+  /// Finds which columns of a row may show the class.
   void find_class(const ImageView& view, const LabelReader& reader, Row<std::int32_t>& sees_class) const {
     const SeenRow& row = row_;
     const Eigen::Vector3d up = view.A.col(2);
@@ -172,7 +172,7 @@ class GridMap::Impl {
     reader.find_class(low_u_px, top_u_px, low_v_px, top_v_px, row.is_in, sees_class);
   }
 
-  /// Whether any column of a tile may show the class, by the corners of the box around all of them.
+  /// Returns whether any column of a tile may show the class, by the corners of the box around all of them.
   bool may_see_class(const Tile& tile, Place key, const ImageView& view, const LabelReader& reader) const {
     const double edge_m = kTileCells * params_.cell_m, low_m = tile.low_m - max_offset_m();
     const double up_m = tile.high_m + max_offset_m() + params_.class_height_m - low_m;
@@ -270,8 +270,8 @@ class GridMap::Impl {
     done.observed_cells += static_cast<std::size_t>(count);
   }
 
-  /// How much of the class a nearer column shows, m metres before a cell: at a part of its height above the lowest that
-  /// nearer ground does not hide. NaN where that is not known.
+  /// Returns how much of the class a nearer column shows, m metres before a cell, at a part of its height above the
+  /// lowest that nearer ground does not hide; NaN where that is not known.
   float shown_before(const Eigen::Vector3d& from_camera, double m, double part, const ImageView& view,
                      const LabelReader& reader, Horizon& horizon) const {
     const double range_m = from_camera.head<2>().norm();
@@ -287,7 +287,8 @@ class GridMap::Impl {
     return reader.value(u, v) / std::max(reader.peak(u, v), kLeastPeak);
   }
 
-  /// Whether what a column shows of the class may be of something nearer: then the image did not see what is there.
+  /// Returns whether what a column shows of the class may be of something nearer: then the image did not see what is
+  /// there.
   /// On ground that falls away nearly as the sight lines do, all columns behind something show it from foot to top. The
   /// class begins with the nearest of them, and where a crest hides their feet it is not known where.
   bool is_in_shadow(const Eigen::Vector3d& from_camera, double hidden_below_m, const ImageView& view,
@@ -316,7 +317,7 @@ class GridMap::Impl {
     return false;
   }
 
-  /// Older directions fade as older evidence does.
+  /// Adds a direction to those of a cell. Older directions fade as older evidence does.
   void add_direction(Observed& observed, std::size_t cell, const Eigen::Vector3f& along, float turn) const {
     Directions seen = observed.seen(cell);
     seen.add(along, turn);
@@ -345,8 +346,8 @@ class GridMap::Impl {
     evidence.weight[offset] = most;
   }
 
-  /// Of a column whose extent in pixels has that square, as a weight: what is smaller than a few of them may not be in
-  /// the labels.
+  /// Returns the weight of a column whose extent in pixels has that square: what is smaller than a few of them may not
+  /// be in the labels.
   static double resolved(double extent_px2) {
     return std::clamp(extent_px2 / (kResolved_px * kResolved_px), 0.01, 1.0);
   }
@@ -370,7 +371,7 @@ class GridMap::Impl {
     for (std::size_t offset = 0; offset < kOffsets; ++offset) evidence.soft_sum[offset] *= parts[offset];
   }
 
-  /// False where nothing is known.
+  /// Adds an image that shows something of the class on a cell; false where it knows nothing of the column.
   bool add_column(Observed& observed, const Sight& sight, const Eigen::Vector3d& up, const LabelReader& reader,
                   GridUpdate& done) {
     const Eigen::Vector3d& foot = sight.foot;
