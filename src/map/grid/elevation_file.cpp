@@ -9,6 +9,8 @@
 #include <stdexcept>
 #include <utility>
 
+#include <cpl_conv.h>
+
 #include "gdal_dataset.hpp"
 #include "height_band.hpp"
 #include "raster_place.hpp"
@@ -40,6 +42,9 @@ Dataset opened(const std::string& path) {
   if (static_cast<double>(block_columns) * block_rows > kMostOfBlock) {
     refuse(path, "its blocks have more than 2^26 pixels: gdal_translate -co TILED=YES makes smaller ones");
   }
+  // GDAL leaves out what an older GeoTIFF says of its heights, unless it is told to when the CRS is read first.
+  const CPLConfigOptionSetter with_vertical("GTIFF_REPORT_COMPD_CS", "YES", true);
+  GDALGetSpatialRef(dataset.get());
   return dataset;
 }
 

@@ -44,6 +44,7 @@ struct Raster {
   std::function<double(double x, double y)> stored = ground_m;
   std::function<bool(double x, double y)> is_masked = {};
   bool is_point = false;
+  std::string geotiff = "1.1";  ///< its version: the older one has no compound CRS, but their keys
 };
 
 std::string write(const Raster& raster) {
@@ -51,8 +52,10 @@ std::string write(const Raster& raster) {
   const std::string path = (std::filesystem::path(testing::TempDir()) /
                             ("elevation_" + std::to_string(::getpid()) + "_" + raster.name + ".tif"))
                                .string();
-  GDALDatasetH dataset =
-      GDALCreate(GDALGetDriverByName("GTiff"), path.c_str(), raster.columns, raster.rows, 1, raster.type, nullptr);
+  std::string version = "GEOTIFF_VERSION=" + raster.geotiff;
+  std::array<char*, 2> options = {version.data(), nullptr};
+  GDALDatasetH dataset = GDALCreate(GDALGetDriverByName("GTiff"), path.c_str(), raster.columns, raster.rows, 1,
+                                    raster.type, options.data());
   std::array<double, 6> transform = raster.transform;
   if (raster.is_point) GDALSetMetadataItem(dataset, "AREA_OR_POINT", "Point", nullptr);
   GDALSetGeoTransform(dataset, transform.data());
@@ -238,6 +241,14 @@ TEST(ElevationFile, HeightsAboveTheSeaAreNotTakenAsAboveTheEllipsoid) {
     expect_ground(*loaded({of_crs, kOrigin, "ellipsoid", 0.0}), 0.01, -kGeoid_m);
     EXPECT_EQ(ElevationFile({of_crs, kOrigin, "ellipsoid", 0.0}).warnings().size(), 0U);
   }
+}
+
+TEST(ElevationFile, AnOlderGeoTiffSaysWhatItsHeightsAreAbove) {
+  Raster raster = in_crs("older", "EPSG:32632+5773", 1.0, kGeoid_m);
+  raster.geotiff = "1.0";
+  const std::string path = write(raster);
+  expect_raised_or_refused(over(path), 0.1);
+  expect_ground(*loaded({path, kOrigin, "", kGeoid_m}), 0.01);
 }
 
 TEST(ElevationFile, LocalHeightsAreThoseOfTheWorld) {
