@@ -188,7 +188,9 @@ TEST(ConvertCloud, KnowsTheTimesOfDrivers) {
         timed_msg("timestamp", PointField::FLOAT64, stamp_s + 0.0625),
         timed_msg("timestamp", PointField::FLOAT64, static_cast<double>(kStamp_ns + 62'500'000)),
         timed_msg("timestamp", PointField::FLOAT64, 0.0625),
-        timed_msg("offset_time", PointField::UINT32, std::uint32_t{62'500'000})}) {
+        timed_msg("offset_time", PointField::UINT32, std::uint32_t{62'500'000}),
+        timed_msg("time_offset_ns", PointField::INT32, std::int32_t{62'500'000}),
+        timed_msg("pointTime", PointField::FLOAT32, 0.0625F)}) {
     EXPECT_EQ(cloud_msg_defect(msg), "");
     const Cloud cloud = cloud_from_msg(msg);
     EXPECT_EQ(cloud.points.at(0).x_m, 2.0F);

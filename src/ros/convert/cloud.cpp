@@ -2,6 +2,7 @@
 #include "situation_awareness/ros/convert/cloud.hpp"
 
 #include <algorithm>
+#include <cctype>
 #include <cmath>
 #include <cstdint>
 #include <cstring>
@@ -78,7 +79,7 @@ std::uint64_t size_of(std::uint8_t datatype) {
 }
 
 /// The field of that name, if it is one value of one of these types.
-const PointField* find_field(const sensor_msgs::PointCloud2& msg, const char* name,
+const PointField* find_field(const sensor_msgs::PointCloud2& msg, const std::string& name,
                              std::initializer_list<std::uint8_t> types) {
   for (const PointField& field : msg.fields) {
     if (field.name != name || field.count > 1) continue;
@@ -87,12 +88,25 @@ const PointField* find_field(const sensor_msgs::PointCloud2& msg, const char* na
   return nullptr;
 }
 
+/// Whether a name has "time" in it, as those that few drivers give to times of points.
+bool is_of_time(const std::string& name) {
+  const std::string time = "time";
+  const auto is_letter = [](char c, char letter) { return std::tolower(static_cast<unsigned char>(c)) == letter; };
+  return std::search(name.begin(), name.end(), time.begin(), time.end(), is_letter) != name.end();
+}
+
 const PointField* find_time_field(const sensor_msgs::PointCloud2& msg) {
-  for (const char* name : {"time", "t", "timestamp", "offset_time", "time_stamp"}) {
-    const PointField* field = find_field(msg, name,
-                                         {PointField::FLOAT32, PointField::FLOAT64, PointField::INT16,
-                                          PointField::UINT16, PointField::INT32, PointField::UINT32});
-    if (field != nullptr) return field;
+  const auto find = [&msg](const std::string& name) {
+    return find_field(msg, name,
+                      {PointField::FLOAT32, PointField::FLOAT64, PointField::INT16, PointField::UINT16,
+                       PointField::INT32, PointField::UINT32});
+  };
+  for (const char* name : {"time", "t", "timestamp"}) {
+    if (const PointField* field = find(name)) return field;
+  }
+  for (const PointField& field : msg.fields) {
+    if (!is_of_time(field.name)) continue;
+    if (const PointField* found = find(field.name)) return found;
   }
   return nullptr;
 }

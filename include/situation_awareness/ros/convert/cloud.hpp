@@ -23,7 +23,7 @@ std::string cloud_msg_defect(const sensor_msgs::PointCloud2& msg);
 
 /// What a cloud without a defect says of the times of its points.
 struct CloudMsgTimes {
-  bool has_field = false;               ///< one of those that drivers have: time, t, timestamp, offset_time, time_stamp
+  bool has_field = false;               ///< of times, by its name: time, t, timestamp, or another of "time"
   std::optional<CloudTimeScale> scale;  ///< none without a field, and where it cannot be one of times
 
   CloudTimes times() const;  ///< of the cloud that is made of the message
