@@ -23,6 +23,9 @@ constexpr double kMinPartOfValue = 0.02;
 constexpr double kLeastTurn_rad = 1e-3;
 constexpr std::uint64_t kMostScansOfOrder = 3000;
 
+/// Poses at the first and the last beam that differ by less, relative to the place, are of a scan without motion in it.
+constexpr double kSamePose = 1e-9;
+
 double part_of_sweep(const std::string& stamp_at) {
   if (stamp_at == "first") return 0.0;
   return stamp_at == "middle" ? 0.5 : 1.0;
@@ -56,6 +59,7 @@ void ScannerCheck::add(const Scan& scan, const Points& points, const Eigen::Isom
   using Order = ScanOrderEstimator::Order;
   const double steps = scan.beams.empty() ? 0.0 : static_cast<double>(scan.beams.size() - 1);
   sweep_s_ = steps * scan.time_increment_s;
+  has_moved_in_scan_ = has_moved_in_scan_ || !T_world_lidar.isApprox(T_world_lidar_end, kSamePose);
   if (order_.order() != Order::kReversed) as_said_.add(points);
   if (!(sweep_s_ > 0.0) || order_.order() == Order::kAsSaid) return;
   if (order_.order() != Order::kReversed) {
@@ -74,8 +78,9 @@ const PoseOffsetEstimator& ScannerCheck::pose_offset() const {
   return order_.order() == ScanOrderEstimator::Order::kReversed ? reversed_ : as_said_;
 }
 
-/// Empty where the offset is none of a stamp at another beam.
+/// Empty where the offset is none of a stamp at another beam, and for scans of clouds.
 std::string ScannerCheck::stamp_at_that_fits() const {
+  if (!has_moved_in_scan_) return "";
   const PoseOffset& estimate = pose_offset().estimate();
   if (!situation_awareness::is_out_of_step(estimate, pose_offset().used_offset_s())) return "";
   const double late_s = pose_offset().used_offset_s() - estimate.offset_s;

@@ -113,6 +113,25 @@ TEST(OrderOfBeams, IsFound) {
   }
 }
 
+// The scans of clouds have no motion in them any more: what scan/stamp_at and scan/beam_order say does not change them.
+TEST(ScansOfClouds, AreOutOfStepByTheOffsetAlone) {
+  constexpr double kSweep_s = 0.06, kSlicesFlight_s = 20.0;
+  SimulatedScannerParams scanner = late_scanner("lms100", kSweep_s);
+  scanner.sweep_s = 0.0;
+  ScanSimulation world(world_path("demo"), scanner, 1);
+  ScannerCheck check({}, 0.0);
+  for (int i = 0; i < kSlicesFlight_s * scanner.rate_hz; ++i) {
+    const SimulatedScan scan = world.next();
+    Scan level = limit_range(scan.scan, scan.T_world_lidar, RangeLimiterParams{});
+    level.time_increment_s = kSweep_s / static_cast<double>(level.beams.size() - 1);
+    check.add(level, project_horizontally(level, scan.T_world_lidar, scan.T_world_lidar), scan.T_world_lidar,
+              scan.T_world_lidar);
+  }
+  EXPECT_TRUE(check.advice().empty());
+  EXPECT_TRUE(check.is_out_of_step());
+  EXPECT_NEAR(check.pose_offset().estimate().offset_s, -kSweep_s, kTolerance_s);
+}
+
 /// The map of a flight with the poses of this offset after the stamps.
 struct Mapped {
   MapScore score;

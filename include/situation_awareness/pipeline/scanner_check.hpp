@@ -27,7 +27,7 @@ class ScannerCheck {
   void add_ranges(const std::vector<float>& ranges, float range_max_m);
 
   /// The scan of that message, limited to what is of interest, its points, and the poses of the lidar at its first and
-  /// last beam.
+  /// last beam: the same where the scan was made of a cloud, whose points were put where they were seen.
   void add(const Scan& scan, const Points& points, const Eigen::Isometry3d& T_world_lidar,
            const Eigen::Isometry3d& T_world_lidar_end);
 
@@ -54,6 +54,7 @@ class ScannerCheck {
   ScanOrderEstimator order_;
   Points reversed_points_;
   double sweep_s_ = 0.0;              ///< of the latest scan
+  bool has_moved_in_scan_ = false;    ///< in any; the scans of clouds have no motion in them any more
   std::uint64_t scans_of_order_ = 0;  ///< by which the order of beams was looked for
   std::uint64_t scans_ = 0, beams_ = 0, nothing_ = 0, zero_ = 0, nan_ = 0;
 };
