@@ -10,9 +10,11 @@ import sys
 import unittest
 
 import genpy
+import numpy as np
 import rosbag
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
+import small_bags  # noqa: E402
 from bag_tools import BagToolTest, ROOT, program, run_program  # noqa: E402
 
 TEN_SECONDS = ROOT / "test" / "data" / "leg_tracker_ten_seconds.bag"
@@ -156,6 +158,28 @@ class CheckBagTest(BagToolTest):
             with self.subTest(words):
                 done = run_program("check_bag", self.altered(self.gps_bag, alter))
                 self.assertIn(words, done.stdout)
+
+    def test_names_elevations_and_cameras_that_do_not_fit_the_images(self):
+        ahead, byte_labels = np.array([[0, -1, 0], [0, 0, -1], [1, 0, 0]]), {"encoding": "mono8"}
+        for camera, alter, elevation, words in (
+                ({}, {}, {}, None),
+                ({"images": 200}, {}, {}, None),  # of which some are mapped
+                ({}, {}, {"shift": (1000.0, 0.0)}, "no image shows ground of the elevation"),
+                ({}, {}, {"height_m": -4.0}, "m above the elevation, not on it"),
+                ({"turned": ahead}, {}, {}, "is its frame an optical one"),
+                ({}, byte_labels, {}, "labels are 32FC1, and these images are mono8")):
+            with self.subTest(words):
+                messages = small_bags.camera(**camera)
+                for _, topic, msg in messages:
+                    if topic == "/camera/labels":
+                        for name, value in alter.items():
+                            setattr(msg, name, value)
+                bag = small_bags.write(self.path / "camera.bag", messages)
+                page = self.page(bag, 0, "--dem", small_bags.elevation(self.path / "ground.asc", **elevation))
+                if words is None:
+                    self.assertNotIn("To look at", page)
+                else:
+                    self.assertIn(words, page.split("To look at")[1])
 
     def test_a_bag_without_sensors_cannot_be_mapped(self):
         bag = self.altered(self.tf_bag, lambda topic, msg: None if topic == "/scan" else (topic, msg))

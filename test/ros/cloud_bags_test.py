@@ -161,6 +161,18 @@ class CloudBagsTest(BagToolTest):
             _, said = self.error_of(**of_cloud)
             self.assertIn("clouds have no times, but the sensor moves while it sweeps", said)
 
+    def test_check_bag_follows_clouds(self):
+        for of_cloud, words in ((GOOD, None), ({}, "clouds have no times, but the sensor moves while it sweeps"),
+                                (UNUSABLE["NaN"], "clouds cannot be used"),
+                                (A_FEW_BAD["NaN"], "points dropped, whose times cannot be")):
+            done = run_program("check_bag", recording(self.path / "clouds.bag", **of_cloud))
+            self.assertEqual(done.returncode, 0, done.stdout)
+            self.assertIn("the scanner moves", done.stdout)
+            if words is None:
+                self.assertNotIn("To look at", done.stdout)
+            else:
+                self.assertIn(words, done.stdout.split("To look at")[1])
+
     def test_polygons_and_one_map_of_clouds(self):
         bag = recording(self.path / "clouds.bag", **GOOD)
         for tool, *options in (("polygons_bag", "--localization", "tf"), ("map_bag", "--kinds", "objects,polygons")):

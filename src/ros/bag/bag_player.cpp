@@ -249,11 +249,17 @@ void BagPlayer::print_summary() const {
   }
   std::printf("%.1f s of %s in %.1f s: %.0f times real time\n", recorded_s_, noun_.c_str(), wall_s_,
               recorded_s_ / std::max(wall_s_, 1e-9));
-  for (const auto& warnings : warnings_) {
-    for (const std::string& sentence : warnings()) {
-      std::fprintf(stderr, "%s: warning: %s\n", recording_name(options_.bags).c_str(), sentence.c_str());
-    }
+  for (const std::string& sentence : warnings()) {
+    std::fprintf(stderr, "%s: warning: %s\n", recording_name(options_.bags).c_str(), sentence.c_str());
   }
+}
+
+std::vector<std::string> BagPlayer::warnings() const {
+  std::vector<std::string> sentences;
+  for (const auto& some : warnings_) {
+    for (std::string& sentence : some()) sentences.push_back(std::move(sentence));
+  }
+  return sentences;
 }
 
 }  // namespace situation_awareness

@@ -136,7 +136,7 @@ struct BagImages::Work {
   ImageCamera camera;
   std::optional<ImageLabelling> labelling;
   OdometryCovariances covariances;
-  std::size_t out_of_range = 0;
+  std::size_t images = 0, out_of_range = 0;
 
   /// Maps an image. Returns why it could not be, or an empty text.
   std::string map(BagPlayer& player, const sensor_msgs::Image& msg, const Eigen::Isometry3d& T_world_camera) {
@@ -170,6 +170,11 @@ BagImages::BagImages(BagPlayer& player, const BagOptions& bag, const ImageOption
         });
   }
   const bool are_labels = options.image_topic.empty();
+  const auto is_mapped = [&player, &work = *work_, one_of = options.one_of] {
+    if (work.images++ % one_of == 0) return true;
+    player.pass_over();
+    return false;
+  };
   const auto take = [&player, &work = *work_, are_labels, use = std::move(use)](const sensor_msgs::ImageConstPtr& msg,
                                                                                 const ros::Time& recorded) {
     const std::string image_defect = are_labels ? labels_msg_defect(*msg) : image_msg_defect(*msg);
@@ -186,11 +191,15 @@ BagImages::BagImages(BagPlayer& player, const BagOptions& bag, const ImageOption
   };
   const std::string topic = topic_of(options), compressed = compressed_topic(bag, topic);
   if (compressed.empty()) {
-    player.subscribe_measurements<sensor_msgs::Image>(topic, "images", take);
+    player.subscribe_measurements<sensor_msgs::Image>(topic, "images",
+                                                      [take, is_mapped](const auto& msg, const ros::Time& recorded) {
+                                                        if (is_mapped()) take(msg, recorded);
+                                                      });
   } else {
     player.subscribe_measurements<sensor_msgs::CompressedImage>(
-        compressed, "images",
-        [take](const auto& msg, const ros::Time& recorded) { take(decompressed(*msg), recorded); });
+        compressed, "images", [take, is_mapped](const auto& msg, const ros::Time& recorded) {
+          if (is_mapped()) take(decompressed(*msg), recorded);
+        });
   }
 }
 

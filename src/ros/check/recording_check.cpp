@@ -16,6 +16,7 @@
 #include "situation_awareness/map/grid/elevation_file.hpp"
 #include "situation_awareness/ros/bag/bag_options.hpp"
 #include "situation_awareness/ros/bag/bag_player.hpp"
+#include "situation_awareness/ros/bag/images.hpp"
 #include "situation_awareness/ros/bag/recording.hpp"
 #include "situation_awareness/ros/bag/scans.hpp"
 #include "situation_awareness/ros/check/camera.hpp"
@@ -34,6 +35,9 @@ namespace {
 constexpr double kClocks_s = 0.5;
 /// An IMU stands upright if so much of gravity is along its z.
 constexpr double kUpright = 0.9;
+/// Images that are mapped, at most: each takes a network some 30 ms, and heights are told by 16
+/// (pipeline/ground_in_view).
+constexpr std::size_t kImages = 64;
 
 /// An argument as a shell takes it.
 std::string quoted(const std::string& text) {
@@ -127,9 +131,10 @@ RecordingCheck::RecordingCheck(std::vector<std::string> bags, const ElevationPar
   compare_clocks();
   if (plan_.pose == MapPlan::Pose::kGps) {
     follow_gps();
-  } else if (plan_.is_possible() && !plan_.scan_topic.empty()) {
-    follow_scans();
+  } else if (plan_.is_possible() && plan_.has_scans()) {
+    plan_.scan_topic.empty() ? follow_clouds() : follow_scans();
   }
+  if (plan_.has_images() && plan_.pose == MapPlan::Pose::kTf) follow_images();
 }
 
 void RecordingCheck::read() {
@@ -283,6 +288,7 @@ void RecordingCheck::choose_images() {
     if (!plan_.image_topic.empty() && (plan_.are_labels || !images->are_labels())) continue;
     plan_.image_topic = topic;
     plan_.camera_info_topic = camera->topic();
+    images_ = check->stamps().count();
     plan_.are_labels = images->are_labels();
     if (!plan_.has_scans()) plan_.sensor_frame = check->frame();
   }
@@ -368,6 +374,45 @@ void RecordingCheck::follow_scans() {
     advise(*scanner);
   } else {
     standing.report(plan_.scan_topic, findings_);
+  }
+}
+
+/// The same with clouds.
+void RecordingCheck::follow_clouds() {
+  BagPlayer player(bag_options(), {});
+  ScannerMotion motion;
+  subscribe_clouds(player, plan_.cloud_topic, RangeLimiterParams{}, CloudSliceParams{},
+                   [&motion](const Scan& scan, const auto& T_world_lidar, const auto& /*T_world_lidar_end*/) {
+                     motion.add(scan, T_world_lidar);
+                   });
+  player.play();
+  try {
+    player.check_mapped();
+  } catch (const std::runtime_error& error) {
+    findings_.push_back({error.what(), "docs/troubleshooting.md"});
+    return;
+  }
+  constexpr double kAtOnce_s = 0.0;  // whether the clouds lack times is told by what they show
+  if (plan_.pose == MapPlan::Pose::kTf) motion.report(plan_.cloud_topic, kAtOnce_s, facts_, findings_);
+  for (const std::string& warning : player.warnings()) {
+    findings_.push_back({warning, "docs/inputs.md, \"Clouds\""});
+  }
+}
+
+/// Maps some of the images, spread over the recording, to see whether they show the ground.
+void RecordingCheck::follow_images() {
+  ImageOptions options;
+  (plan_.are_labels ? options.labels_topic : options.image_topic) = plan_.image_topic;
+  options.camera_info_topic = plan_.camera_info_topic;
+  options.elevation = plan_.elevation;
+  options.one_of = (images_ + kImages - 1) / kImages;
+  try {
+    BagPlayer player(bag_options(), {});
+    BagImages images(player, bag_options(), options, GridPipelineParams{}, [](const GridTargets& /*targets*/) {});
+    player.play();
+    player.check_mapped(images.pipeline().why_nothing());
+  } catch (const std::runtime_error& error) {
+    findings_.push_back({error.what(), "docs/offline.md, grid_bag"});
   }
 }
 

@@ -62,8 +62,8 @@ class BagPlayer {
     };
   }
 
-  /// The same for the program's measurements: `take` must call `use_when_posed` or `drop` for each. `noun`: their name,
-  /// such as "scans".
+  /// The same for the program's measurements: `take` must call `use_when_posed`, `drop` or `pass_over` for each.
+  /// `noun`: their name, such as "scans".
   template <class Message>
   void subscribe_measurements(const std::string& topic, const std::string& noun, Take<Message> take) {
     subscribe<Message>(topic, [this, take = std::move(take)](const auto& msg, const ros::Time& recorded) {
@@ -79,6 +79,12 @@ class BagPlayer {
 
   /// print_summary() warns of the sentences that `warnings` returns then.
   void on_summary(std::function<std::vector<std::string>()> warnings) { warnings_.push_back(std::move(warnings)); }
+
+  /// These sentences, now.
+  std::vector<std::string> warnings() const;
+
+  /// The measurement that was taken is not counted, and neither used nor dropped.
+  void pass_over() { --measurements_; }
 
   /// The pose of a measurement is so much later.
   double pose_offset_s() const { return source_.offset_s; }

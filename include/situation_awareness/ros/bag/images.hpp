@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <cstddef>
 #include <functional>
 #include <memory>
 #include <string>
@@ -23,6 +24,7 @@ struct ImageOptions {
   std::string image_kind = "auto";  ///< as image_kind of ros/convert/camera.hpp has it
   std::string odom_topic;           ///< whose covariance is that of the pose; empty: that of the parameters
   ElevationParams elevation;
+  std::size_t one_of = 1;    ///< of so many images one is mapped
   std::string model_folder;  ///< empty: models/ of this package
 };
 

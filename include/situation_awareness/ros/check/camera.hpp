@@ -84,7 +84,7 @@ class CloudTopicCheck : public MessageCheck<sensor_msgs::PointCloud2> {
  private:
   Counters defects_;
   CloudTimeReader times_;
-  std::size_t good_ = 0, with_times_ = 0, with_bad_times_ = 0;
+  std::size_t good_ = 0, with_times_ = 0;
   std::size_t rows_ = 0, columns_ = 0;  ///< of the first that can be used
   std::string fields_;
   double longest_s_ = 0.0;  ///< from the first point to the last

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <memory>
 #include <string>
@@ -66,6 +67,8 @@ class RecordingCheck {
   void compare_clocks();
   BagOptions bag_options() const;
   void follow_scans();
+  void follow_clouds();
+  void follow_images();
   void follow_gps();
   void advise(const ScannerCheck& scanner);
   const TopicCheck& check_of(const std::string& topic) const;
@@ -80,6 +83,7 @@ class RecordingCheck {
   std::vector<Finding> findings_;
   std::vector<std::string> facts_;
   MapPlan plan_;
+  std::size_t images_ = 0;  ///< on the plan's topic
 };
 
 }  // namespace situation_awareness
