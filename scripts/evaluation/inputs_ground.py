@@ -35,8 +35,8 @@ def meridian_m(latitude_deg):
                    35 * _E2**3 / 3072 * math.sin(6 * phi))
 
 
-# From coordinates of a raster to x and y in the world, near its origin: on the ellipsoid lengths are shorter than at its
-# altitude.
+# From coordinates of a raster to x and y in the world, near its origin. Lengths on the ellipsoid are shorter than at
+# the altitude of the origin.
 EAST_M, NORTH_M = 500e3, UTM_SCALE * meridian_m(LATITUDE_DEG)
 UP = 1.0 + ALTITUDE_M / ACROSS_M
 X_DEG = math.degrees(1.0 / ((ACROSS_M + ALTITUDE_M) * math.cos(math.radians(LATITUDE_DEG))))
