@@ -187,8 +187,8 @@ def sections(programs, world):
             "Images", f"""
             A flight around {len(camera.CARS)} cars on hills. {camera.IMAGES} images of {camera.PICTURE_SIZE} x
             {camera.PICTURE_SIZE} pixels are labelled by the network that `map_bag` has. Right is a map with as many
-            cars and no other targets, at most {camera.LEAST_ERROR_M:.1f} m or {MOST_RATIO} times as far off as
-            ideal.""",
+            cars and no other targets, at most {MOST_RATIO} times as far off as ideal (or {camera.MORE_M:.1f} m
+            more).""",
             ("images", "the targets"), of_each(camera.ENCODINGS), camera.encodings, lambda _: camera.IDEAL_ENCODING,
             "every encoding of images is right or named"),
         "lenses": Section(
