@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
 
 #include "situation_awareness/common/time.hpp"
 #include "situation_awareness/geometry/angles.hpp"
@@ -24,11 +25,14 @@ constexpr int kMinOrderScans = 3;
 /// Of a scan of the window at least, within its sweep: an hour of standing says nothing, and is not to be averaged with
 /// a minute of turning.
 constexpr double kMinTurnOfSweep_rad = 0.006;
-/// Windows are independent, scans in them are not. An order is known from so many of them on, if it fits better by so
-/// many standard errors, and by this part of the misfit: a scanner that hardly turns has a difference of nearly 0.
+/// Windows are independent, scans in them are not. An order is known from so many of them on, if the preference is so
+/// many standard errors from 0, and this part of what it is without noise of the key scan's hits: with 1 cm it is 0.27
+/// for sweeps of 19 ms at up to 0.7 rad/s, and 0.65 for those of 67 ms. A scanner that hardly turns has nearly 0.
 constexpr std::size_t kMinOrderWindows = 6;
 constexpr double kMinOrderSigmas = 4.0;
-constexpr double kMinOrderPreference = 0.05;
+constexpr double kMinOrderPreference = 0.15;
+/// A hit that an order does not place, as none fits, is so far off.
+constexpr double kUnplaced_m = 0.1;
 
 }  // namespace
 
@@ -53,10 +57,7 @@ void ScanOrderEstimator::add(const Points& as_said, const Points& reversed) {
     of.T_world_level = both[i]->T_world_level;
   }
   const bool is_matched = match[0].is_valid || match[1].is_valid;
-  if (is_matched) {
-    preference_ += (match[1].misfit_m - match[0].misfit_m) / (match[1].misfit_m + match[0].misfit_m);
-    ++scans_;
-  }
+  if (is_matched) compare(match);
   const Pose2& T_key_level = matched_[match[0].is_valid ? 0 : 1].T_key_level;
   const bool is_near = seconds_between(key_ns_, as_said.stamp_ns) < kMaxOrderWindow_s &&
                        T_key_level.translation_m.norm() < kMaxOrderTravel_m &&
@@ -71,6 +72,27 @@ void ScanOrderEstimator::add_turn(const std::array<const Points*, 2>& both) {
   most_turn_rad_ = std::max(most_turn_rad_, std::abs(turn_rad));
 }
 
+/// The offsets of a hit by the two orders, a and b, differ by what the turn within a sweep bends it and not by the
+/// noise of its range. Where the driver's order is right, a is that noise, independent of the difference, so that the
+/// squares b^2 - a^2 sum up to those of b - a; where the other one is, to their negative.
+void ScanOrderEstimator::compare(std::array<ScanMatch, 2>& both) {
+  for (ScanMatch& match : both) {
+    std::sort(match.hits.begin(), match.hits.begin() + static_cast<std::ptrdiff_t>(match.count),
+              [](const ScanMatch::Hit& a, const ScanMatch::Hit& b) { return a.beam < b.beam; });
+  }
+  const auto& [a, b] = both;
+  for (std::size_t i = 0, j = 0; i < a.count || j < b.count;) {
+    const bool has_a = i < a.count && (j == b.count || a.hits[i].beam <= b.hits[j].beam);
+    const bool has_b = j < b.count && (i == a.count || b.hits[j].beam <= a.hits[i].beam);
+    const double a_m = has_a ? static_cast<double>(a.hits[i++].offset_m) : kUnplaced_m;
+    const double b_m = has_b ? static_cast<double>(b.hits[j++].offset_m) : kUnplaced_m;
+    if ((!has_a && a.is_valid) || (!has_b && b.is_valid)) continue;  // an edge, at which chance decides
+    gain_m2_ += b_m * b_m - a_m * a_m;
+    difference_m2_ += (b_m - a_m) * (b_m - a_m);
+  }
+  ++scans_;
+}
+
 void ScanOrderEstimator::begin_window(const std::array<const Points*, 2>& both) {
   for (std::size_t i = 0; i < 2; ++i) {
     matched_[i].key.set(*both[i]);
@@ -79,7 +101,7 @@ void ScanOrderEstimator::begin_window(const std::array<const Points*, 2>& both) 
   }
   has_key_ = true;
   key_ns_ = latest_ns_;
-  preference_ = 0.0;
+  gain_m2_ = difference_m2_ = 0.0;
   scans_ = 0;
   most_turn_rad_ = 0.0;
   add_turn(both);
@@ -87,16 +109,21 @@ void ScanOrderEstimator::begin_window(const std::array<const Points*, 2>& both) 
 
 void ScanOrderEstimator::finish_window() {
   if (scans_ < kMinOrderScans || most_turn_rad_ < kMinTurnOfSweep_rad) return;
-  const double mean_of_window = preference_ / scans_;
-  sum_ += mean_of_window;
-  sum_squares_ += mean_of_window * mean_of_window;
+  gain_m2_sum_ += gain_m2_;
+  difference_m2_sum_ += difference_m2_;
+  gain2_m4_ += gain_m2_ * gain_m2_;
+  gain_difference_m4_ += gain_m2_ * difference_m2_;
+  difference2_m4_ += difference_m2_ * difference_m2_;
   ++windows_;
-  if (windows_ < kMinOrderWindows) return;
+  if (windows_ < kMinOrderWindows || !(difference_m2_sum_ > 0.0)) return;
+  // 1 for the driver's order, -1 for the other one; its standard error by the spread of the windows about it.
+  const double preference = gain_m2_sum_ / difference_m2_sum_;
   const auto n = static_cast<double>(windows_);
-  const double mean = sum_ / n;
-  const double standard_error = std::sqrt(std::max(sum_squares_ / n - mean * mean, 0.0) / (n - 1.0));
-  if (std::abs(mean) < kMinOrderPreference || std::abs(mean) < kMinOrderSigmas * standard_error) return;
-  order_ = mean > 0.0 ? Order::kAsSaid : Order::kReversed;
+  const double squares_m4 =
+      gain2_m4_ - 2.0 * preference * gain_difference_m4_ + preference * preference * difference2_m4_;
+  const double standard_error = std::sqrt(std::max(squares_m4, 0.0) * n / (n - 1.0)) / difference_m2_sum_;
+  if (std::abs(preference) < kMinOrderPreference || std::abs(preference) < kMinOrderSigmas * standard_error) return;
+  order_ = preference > 0.0 ? Order::kAsSaid : Order::kReversed;
 }
 
 }  // namespace situation_awareness

@@ -29,8 +29,7 @@ constexpr double kMaxRelativeRms = 0.2;
 /// Cosine between beam and normal: the place of a surface at grazing incidence is uncertain.
 constexpr double kMinIncidence = 0.2;
 
-/// Hits of a scan that are matched.
-constexpr std::size_t kMaxHits = 180;
+constexpr std::size_t kMaxHits = ScanMatch::kMaxHits;
 constexpr int kIterations = 4;
 /// Between a hit and its surface; the first iterations start from a guess.
 constexpr double kMaxDistance_m = 0.25;
@@ -131,7 +130,6 @@ ScanMatch KeyScan::match(const Points& points, const Pose2& guess) const {
 
   ScanMatch result;
   result.T_key_level = guess;
-  result.misfit_m = kMaxLastDistance_m;
   for (int iteration = 0; iteration < kIterations; ++iteration) {
     const bool is_last = iteration + 1 == kIterations;
     const double max_distance_m = iteration < 2 ? kMaxDistance_m : kMaxLastDistance_m;
@@ -145,6 +143,7 @@ ScanMatch KeyScan::match(const Points& points, const Pose2& guess) const {
       const Surface* const surface = nearest(p_key, max_distance_m);
       if (surface == nullptr) continue;
       const Eigen::Vector2d normal = R_key_level.transpose() * surface->normal;
+      result.hits[count].beam = point.beam;
       pairs[count] = {{normal.x(), normal.y(), p.x() * normal.y() - p.y() * normal.x()},
                       surface->normal.dot(p_key - surface->p_m)};
       sizes_m[count] = std::abs(pairs[count].offset_m);
@@ -169,9 +168,8 @@ ScanMatch KeyScan::match(const Points& points, const Pose2& guess) const {
       b -= weight * pairs[i].offset_m * pairs[i].gradient;
     }
     if (is_last) {
-      double sum_m = kMaxLastDistance_m * static_cast<double>(hits - count);
-      for (std::size_t i = 0; i < count; ++i) sum_m += std::abs(pairs[i].offset_m);
-      result.misfit_m = sum_m / static_cast<double>(hits);
+      result.count = count;
+      for (std::size_t i = 0; i < count; ++i) result.hits[i].offset_m = static_cast<float>(pairs[i].offset_m);
       result.information = H;
       result.is_valid = static_cast<double>(count) >= kMinPaired * static_cast<double>(hits) &&
                         static_cast<double>(agreeing) >= kMinAgreeing * static_cast<double>(count);

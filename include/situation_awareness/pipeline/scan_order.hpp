@@ -35,17 +35,20 @@ class ScanOrderEstimator {
   };
 
   void add_turn(const std::array<const Points*, 2>& both);
+  void compare(std::array<ScanMatch, 2>& both);
   void begin_window(const std::array<const Points*, 2>& both);
   void finish_window();
 
   std::array<Matched, 2> matched_;  ///< as said, reversed
   bool has_key_ = false;
   std::int64_t key_ns_ = 0, latest_ns_ = 0;
-  double preference_ = 0.0;     ///< sum over the window
+  double gain_m2_ = 0.0;        ///< sum over the window
+  double difference_m2_ = 0.0;  ///< the same
   int scans_ = 0;               ///< in it
   double most_turn_rad_ = 0.0;  ///< within a sweep of it
   std::size_t windows_ = 0;
-  double sum_ = 0.0, sum_squares_ = 0.0;  ///< of the windows' means
+  double gain_m2_sum_ = 0.0, difference_m2_sum_ = 0.0;                       ///< of the windows
+  double gain2_m4_ = 0.0, gain_difference_m4_ = 0.0, difference2_m4_ = 0.0;  ///< sums of their products
   Order order_ = Order::kUnknown;
 };
 

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <vector>
 
 #include <Eigen/Core>
@@ -13,14 +14,21 @@ namespace situation_awareness {
 
 /// A scan's place relative to another one, found by matching.
 struct ScanMatch {
+  static constexpr std::size_t kMaxHits = 180;
+
+  /// A hit that was matched, by its beam, and how far it is from the surfaces along their normal, at most 0.1 m.
+  struct Hit {
+    int beam;
+    float offset_m;
+  };
+
   bool is_valid = false;  ///< enough hits of both are of the same surfaces
   Pose2 T_key_level;
   /// Inverse covariance of its error (x, y in m, yaw in rad), T_key_level = truth * exp(error), by the spread of the
   /// hits about the surfaces; nearly 0 along a corridor.
   Eigen::Matrix3d information = Eigen::Matrix3d::Zero();
-  /// Mean distance of the hits from the surfaces, also where the match is not valid: one that is farther away than
-  /// 0.1 m, or has no surface, counts as so far.
-  double misfit_m = 0.0;
+  std::array<Hit, kMaxHits> hits;
+  std::size_t count = 0;  ///< of them: those near a surface
 };
 
 /// A scan by which later ones are placed: their hits are moved onto its surfaces (point to line, Censi, "An ICP variant
