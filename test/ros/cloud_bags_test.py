@@ -173,15 +173,17 @@ class CloudBagsTest(BagToolTest):
             else:
                 self.assertIn(words, done.stdout.split("To look at")[1])
 
-    def test_polygons_and_one_map_of_clouds(self):
+    def test_lines_and_one_map_of_clouds(self):
         bag = recording(self.path / "clouds.bag", **GOOD)
-        for tool, *options in (("polygons_bag", "--localization", "tf"), ("map_bag", "--kinds", "objects,polygons")):
+        for tool, *options in (("polygons_bag", "--localization", "tf"), ("splinegons_bag", "--localization", "tf"),
+                               ("map_bag", "--kinds", "objects,polygons")):
             text, said = self.written(tool, bag, "--cloud-topic", "/points", "--world-frame", "odom", *options)
             self.assertIn(f"{len(SWEEPS)} clouds, {len(SWEEPS)} mapped", said)
             line = json.loads(text.splitlines()[-1])
             if tool == "map_bag":
                 continue
-            corners = np.array([p for polyline in line["polylines"] for p in polyline["points"]])
+            corners = np.array([p[:2] for outline in line.get("polylines", line.get("boundaries"))
+                                for p in outline.get("points", outline.get("vertices"))])
             off = [min(abs(x + 5), abs(x - 6), abs(y + 4), abs(y - 4.5),
                        *(abs(math.hypot(x - px, y - py) - radius) for px, py, radius in POSTS)) for x, y in corners]
             self.assertGreater(len(off), 4)
@@ -189,7 +191,7 @@ class CloudBagsTest(BagToolTest):
 
     def test_what_does_not_go_together_is_refused(self):
         bag = recording(self.path / "clouds.bag", **GOOD)
-        for tool, *options in (("polygons_bag", "--reflectors", "none.yaml"), ("map_bag", "--pose", "gps"),
+        for tool, *options in (("polygons_bag", "--reflectors", "none.yaml"), ("map_bag", "--pose", "gps"), ("splinegons_bag", "--localization", "gps"),
                                ("objects_bag", "--scan-topic", "/scan")):
             done = run_program(tool, bag, "--cloud-topic", "/points", "--out", self.path / "no", *options)
             self.assertNotEqual(done.returncode, 0, done.stdout)

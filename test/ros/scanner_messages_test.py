@@ -48,11 +48,11 @@ class ScannerTest(unittest.TestCase):
             self.made[name] = bags.write(self.path / f"{name}.bag", bags.turning(*arguments, **changes))
         return self.made[name]
 
-    def run_tool(self, tool, bag, *options, **scan):
-        """What it writes, and says on stderr."""
+    def run_tool(self, tool, bag, *options, beside="", **scan):
+        """What it writes, and says on stderr. `beside`: other parameters than those of a scan, as YAML."""
         config = self.path / "config.yaml"
         scan = json.dumps({"max_range_m": 10.0, **scan})
-        config.write_text(f"detections: {{detector: least_squares}}\nscan: {scan}\n")
+        config.write_text(f"detections: {{detector: least_squares}}\nscan: {scan}\n{beside}\n")
         out = self.path / "out"
         done = run_program(tool, bag, "--world-frame", "odom", "--config", config, *TOOLS[tool], *options, "--out", out,
                            stderr=subprocess.PIPE)
@@ -178,6 +178,23 @@ class TimesOfBeamsTest(ScannerTest):
                 done = run_program("objects_bag", bag, "--world-frame", "odom", "--config", config, "--out", out)
                 line = [line for line in done.stdout.splitlines() if line.startswith("scan_pose_offset_s: ")][-1]
                 self.assertAlmostEqual(float(line.split()[1]), late_s, delta=0.015, msg=line)
+
+    def test_pose_offset_is_used_by_each_tool(self):
+        """Poses are 0.2 s late: those of the lines are then as where they are in time."""
+        in_time, late = self.room(1, 0.0), self.room(1, 0.0, late_s=0.2)
+        for tool in TOOLS:
+            with self.subTest(tool=tool):
+                _, said = self.run_tool(tool, late)
+                self.assertIn("scans and poses are out of step: scan_pose_offset_s should be", said)
+                written, said = self.run_tool(tool, late, beside="scan_pose_offset_s: 0.2")
+                self.assertNotIn("warning", said)
+                ideal, _ = self.run_tool(tool, in_time)
+                expected = {line["stamp"]: line.get("pose") for line in map(json.loads, ideal.splitlines())}
+                lines = list(map(json.loads, written.splitlines()))
+                self.assertGreater(len(lines), 0.9 * len(expected))
+                for line in lines if tool != "objects_bag" else []:
+                    for coordinate in ("x", "y", "yaw"):
+                        self.assertAlmostEqual(line["pose"][coordinate], expected[line["stamp"]][coordinate], delta=2e-3)
 
 
 if __name__ == "__main__":

@@ -10,7 +10,7 @@ import unittest
 import numpy as np
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
-from bag_tools import BagToolTest, run_program  # noqa: E402
+from bag_tools import BagToolTest, ROOT, run_program  # noqa: E402
 import splinegons  # noqa: E402
 
 
@@ -21,10 +21,11 @@ class SplinegonsBagTest(BagToolTest):
         cls.bag, cls.tf_bag = cls.round(2)
         cls.truth = json.loads(cls.bag.with_suffix(".truth.json").read_text())
 
-    def lines_of(self, *args):
+    def lines_of(self, *args, says=""):
         out = self.path / "out.jsonl"
         done = run_program("splinegons_bag", *args, "--lidar-frame", "laser", "--base-frame", "base_link", "--out", out)
         self.assertEqual(done.returncode, 0, done.stdout)
+        self.assertIn(says, done.stdout)
         return [json.loads(line) for line in out.read_text().splitlines()]
 
     def check_lines(self, lines):
@@ -59,7 +60,9 @@ class SplinegonsBagTest(BagToolTest):
 
     def test_poses_by_gps_and_ins(self):
         origin = ",".join(map(str, self.truth["origin"]))
-        lines = self.lines_of(self.bag, "--origin", origin)
+        config = self.path / "offset.yaml"  # of scans from poses by TF, which there are none of
+        config.write_text((ROOT / "cfg" / "splinegons.yaml").read_text() + "scan_pose_offset_s: 0.3\n")
+        lines = self.lines_of(self.bag, "--origin", origin, "--config", config, says="scan_pose_offset_s is not used")
         self.assertGreater(len(lines), 0.3 * len(self.truth["scans"]["stamp"]))  # after it has begun to turn
         self.assertLess(max(self.check_lines(lines)), 8.0)
         self.assertGreater(len(lines[-1]["boundaries"]), 0)

@@ -36,11 +36,13 @@ std::string list(const Texts& texts) {
 BagPlayer::BagPlayer(const BagOptions& options, const Poses& poses)
     : options_(options),
       recording_(options.bags),
-      source_({tf2_frame(poses.base_frame), poses.are_given, poses.offset_s}),
+      source_({tf2_frame(poses.base_frame), poses.are_given, poses.are_given ? 0.0 : poses.scan_offset_s}),
       tf_(transform_cache_time(options.tf_timeout_s)),
       given_(transform_cache_time(options.tf_timeout_s)) {
-  queues_.push_back(make_queue());
   options_.world_frame = tf2_frame(options_.world_frame);
+  make_queue("", 0.0);  // throws where the options are none of a queue
+  if (poses.scan_offset_s == source_.scan_offset_s) return;
+  on_summary([] { return std::vector<std::string>{"scan_pose_offset_s is not used: it is for poses by TF"}; });
 }
 
 void BagPlayer::other_version(const std::string& topic) {
@@ -97,23 +99,27 @@ Eigen::Isometry3d BagPlayer::T_world_base_at(std::int64_t stamp_ns) const {
                            : transform_at(tf_, options_.world_frame, source_.base_frame, stamp);
 }
 
+Eigen::Isometry3d BagPlayer::T_world_base_of_scan(std::int64_t stamp_ns) const {
+  return T_world_base_at(stamp_ns + nanoseconds(source_.scan_offset_s));
+}
+
 /// Where the sensor is on the base, as TF knows it now.
 void BagPlayer::mount() {
   why_not_mounted_ = situation_awareness::mount(tf_, source_.base_frame, sensor_frame_, given_, kBase, kSensor);
   is_mounted_ = why_not_mounted_.empty();
 }
 
-void BagPlayer::use_when_posed(const Taken& taken, const ros::Time& recorded, Use use) {
+void BagPlayer::use_when_posed(const Taken& taken, const ros::Time& recorded, Use use, double pose_offset_s) {
   if (options_.static_sensor && sensor_frame_ != taken.frame) {
     tf_.setTransform(transform_to_msg(Eigen::Isometry3d::Identity(), 0, options_.world_frame, taken.frame), kAuthority,
                      true);
   }
   sensor_frame_ = taken.frame;
   if (!source_.are_given) {
-    queue_of(taken.frame).add(std::move(use), taken, to_nanoseconds(recorded));
+    queue_of(taken.frame, pose_offset_s).add(std::move(use), taken, to_nanoseconds(recorded));
     return;
   }
-  queue_of(kSensor).add(std::move(use), {kSensor, taken.first, taken.last}, to_nanoseconds(recorded));
+  queue_of(kSensor, pose_offset_s).add(std::move(use), {kSensor, taken.first, taken.last}, to_nanoseconds(recorded));
   mount();  // it may have changed
 }
 
@@ -164,21 +170,19 @@ void BagPlayer::play_all() {
   release(kEndOfTime_ns);
 }
 
-std::unique_ptr<BagPlayer::SensorQueue> BagPlayer::make_queue() {
-  const TransformQueueParams params{source_.are_given ? kWorld : tf2_frame(options_.world_frame), options_.tf_timeout_s,
-                                    kMaxWaiting, source_.offset_s, source_.are_given ? "" : source_.base_frame};
+std::unique_ptr<BagPlayer::SensorQueue> BagPlayer::make_queue(const std::string& frame, double pose_offset_s) {
+  const TransformQueueParams params{source_.are_given ? kWorld : options_.world_frame, options_.tf_timeout_s,
+                                    kMaxWaiting, pose_offset_s, source_.are_given ? "" : source_.base_frame};
   const auto on_drop = [this](const char* reason, const std::string& detail) { dropped(reason, detail); };
   return std::make_unique<SensorQueue>(
-      SensorQueue{{}, TransformQueue<Use>(source_.are_given ? given_ : tf_, params, on_drop)});
+      SensorQueue{frame, TransformQueue<Use>(source_.are_given ? given_ : tf_, params, on_drop)});
 }
 
-TransformQueue<BagPlayer::Use>& BagPlayer::queue_of(const std::string& frame) {
+TransformQueue<BagPlayer::Use>& BagPlayer::queue_of(const std::string& frame, double pose_offset_s) {
   for (const auto& of : queues_) {
-    if (of->frame.empty()) of->frame = frame;
     if (of->frame == frame) return of->queue;
   }
-  queues_.push_back(make_queue());
-  queues_.back()->frame = frame;
+  queues_.push_back(make_queue(frame, pose_offset_s));
   return queues_.back()->queue;
 }
 

@@ -42,7 +42,9 @@ void check_reflector_options(const ReflectorOptions& options, bool by_reflectors
   check_option([&options] { parse_pose2(options.initial_pose, "--initial-pose"); });
 }
 
-BagPlayer player_by_odometry(const BagOptions& bag, const OdometryFrames& frames) { return {bag, {frames.base, true}}; }
+BagPlayer player_by_odometry(const BagOptions& bag, const OdometryFrames& frames, double scan_offset_s) {
+  return {bag, {frames.base, true, scan_offset_s}};
+}
 
 BagLocalization::BagLocalization(BagPlayer& player, const ReflectorOptions& options, const OdometryFrames& frames,
                                  const std::string& scan_topic, const RangeLimiterParams& scan_params,

@@ -7,6 +7,7 @@
 #include <sensor_msgs/LaserScan.h>
 #include <sensor_msgs/PointCloud2.h>
 
+#include "command_line.hpp"
 #include "situation_awareness/common/format.hpp"
 #include "situation_awareness/points/horizontal_projection.hpp"
 #include "situation_awareness/ros/convert/cloud.hpp"
@@ -103,7 +104,7 @@ void warn_at_end(BagPlayer& player, const std::string& topic, const std::shared_
 std::shared_ptr<const ScannerCheck> subscribe_scans(BagPlayer& player, const std::string& topic,
                                                     const RangeLimiterParams& params, UseScan use,
                                                     const std::string& lidar_frame) {
-  const auto checked = std::make_shared<CheckedScanner>(params, player.pose_offset_s());
+  const auto checked = std::make_shared<CheckedScanner>(params, player.scan_offset_s());
   player.subscribe_measurements<sensor_msgs::LaserScan>(
       topic, "scans",
       [&player, checked, use = std::move(use), frame = tf2_frame(lidar_frame)](
@@ -113,17 +114,19 @@ std::shared_ptr<const ScannerCheck> subscribe_scans(BagPlayer& player, const std
         if (!defect.empty()) return player.drop(defect);
         Taken scan_taken = taken(*msg);
         if (!frame.empty()) scan_taken.frame = frame;
-        player.use_when_posed(scan_taken, recorded,
-                              [msg, checked, &use](const Eigen::Isometry3d& T_world_lidar,
-                                                   const Eigen::Isometry3d& T_world_lidar_end) -> std::string {
-                                const Scan scan = scan_from_msg(*msg);
-                                const char* const reason = projection_defect(scan, T_world_lidar, T_world_lidar_end);
-                                if (*reason != '\0') return reason;
-                                use(scan, T_world_lidar, T_world_lidar_end);
-                                checked->check.add_ranges(msg->ranges, msg->range_max);
-                                checked->add(scan, T_world_lidar, T_world_lidar_end);
-                                return "";
-                              });
+        player.use_when_posed(
+            scan_taken, recorded,
+            [msg, checked, &use](const Eigen::Isometry3d& T_world_lidar,
+                                 const Eigen::Isometry3d& T_world_lidar_end) -> std::string {
+              const Scan scan = scan_from_msg(*msg);
+              const char* const reason = projection_defect(scan, T_world_lidar, T_world_lidar_end);
+              if (*reason != '\0') return reason;
+              use(scan, T_world_lidar, T_world_lidar_end);
+              checked->check.add_ranges(msg->ranges, msg->range_max);
+              checked->add(scan, T_world_lidar, T_world_lidar_end);
+              return "";
+            },
+            player.scan_offset_s());
       });
   warn_at_end(player, topic, checked);
   return {checked, &checked->check};
@@ -133,7 +136,7 @@ std::shared_ptr<const ScannerCheck> subscribe_clouds(BagPlayer& player, const st
                                                      const RangeLimiterParams& params,
                                                      const CloudSliceParams& cloud_params, UseScan use,
                                                      const std::string& lidar_frame) {
-  const auto checked = std::make_shared<CheckedScanner>(params, player.pose_offset_s());
+  const auto checked = std::make_shared<CheckedScanner>(params, player.scan_offset_s());
   const auto clouds = std::make_shared<SlicedClouds>(cloud_params);
   player.subscribe_measurements<sensor_msgs::PointCloud2>(
       topic, "clouds",
@@ -155,20 +158,29 @@ std::shared_ptr<const ScannerCheck> subscribe_clouds(BagPlayer& player, const st
               use(scan, T_world_level, T_world_level);
               checked->add(scan, T_world_level, T_world_level);
               return "";
-            });
+            },
+            player.scan_offset_s());
       });
   player.on_summary([clouds] { return clouds->warnings(); });
   warn_at_end(player, topic, checked);
   return {checked, &checked->check};
 }
 
-std::shared_ptr<const ScannerCheck> subscribe_scans_or_clouds(BagPlayer& player, const std::string& scan_topic,
-                                                              const std::string& cloud_topic,
+void add_scan_options(CommandLine& app, ScanTopics& topics) {
+  const CommandLineOption scans =
+      app.add_option("--scan-topic", topics.scans, "sensor_msgs/LaserScan").type_name("TOPIC");
+  app.add_option("--cloud-topic", topics.clouds, "sensor_msgs/PointCloud2, in place of scans: its level slice")
+      .type_name("TOPIC")
+      .excludes(scans);
+}
+
+std::shared_ptr<const ScannerCheck> subscribe_scans_or_clouds(BagPlayer& player, const ScanTopics& topics,
                                                               const RangeLimiterParams& params,
                                                               const CloudSliceParams& cloud_params, UseScan use,
                                                               const std::string& lidar_frame) {
-  return cloud_topic.empty() ? subscribe_scans(player, scan_topic, params, std::move(use), lidar_frame)
-                             : subscribe_clouds(player, cloud_topic, params, cloud_params, std::move(use), lidar_frame);
+  return topics.clouds.empty()
+             ? subscribe_scans(player, topics.scans, params, std::move(use), lidar_frame)
+             : subscribe_clouds(player, topics.clouds, params, cloud_params, std::move(use), lidar_frame);
 }
 
 }  // namespace situation_awareness

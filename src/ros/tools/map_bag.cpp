@@ -65,7 +65,8 @@ constexpr double kTfSigma_rad = 0.01;
 
 struct Options {
   BagOptions bag;
-  std::string scan_topic = "/scan", cloud_topic, lidar_frame, pose = "tf", out, load_map, save_map;
+  ScanTopics topics;
+  std::string lidar_frame, pose = "tf", out, load_map, save_map;
   std::vector<std::string> kinds = {"objects", "polygons", "splinegons"};
   ReflectorOptions reflectors;
   NavigationOptions navigation;
@@ -91,9 +92,7 @@ void add_options(CommandLine& app, Options& options) {
       .take_all();
   text("--pose", options.pose, "SOURCE", "tf, reflectors with odometry, or gps with an IMU")
       .check(one_of({"tf", "reflectors", "gps"}));
-  const CommandLineOption scans = text("--scan-topic", options.scan_topic, "TOPIC", "sensor_msgs/LaserScan");
-  text("--cloud-topic", options.cloud_topic, "TOPIC", "sensor_msgs/PointCloud2, in place of scans: its level slice")
-      .excludes(scans);
+  add_scan_options(app, options.topics);
   text("--lidar-frame", options.lidar_frame, "FRAME", "of the scanner (default: that of its messages)");
   add_reflector_options(app, options.reflectors);
   add_navigation_options(app, options.navigation);
@@ -112,7 +111,7 @@ void add_options(CommandLine& app, Options& options) {
     if (options.has("grid") && options.pose != "tf") {
       throw CommandLineError("images are mapped with --pose tf: their poses are those of /tf");
     }
-    if (!options.cloud_topic.empty() && options.pose != "tf") {
+    if (!options.topics.clouds.empty() && options.pose != "tf") {
       throw CommandLineError("clouds are mapped with --pose tf: scans alone have the other poses");
     }
   });
@@ -253,7 +252,7 @@ class BagMap {
 
 void map_by_tf(const Options& options, const Params& params) {
   const std::string base_frame = base_frame_by_tf(options.bag, options.reflectors.odometry);
-  BagPlayer player(options.bag, {base_frame});
+  BagPlayer player(options.bag, {base_frame, false, params.objects.scan_pose_offset_s});
   Output out(options);
   BagMap map(options, params);
   MapPipeline& pipeline = map.pipeline();
@@ -263,14 +262,14 @@ void map_by_tf(const Options& options, const Params& params) {
   player.on_restart([&pipeline] { pipeline.begin_anew(); });
   if (options.has_scans()) {
     subscribe_scans_or_clouds(
-        player, options.scan_topic, options.cloud_topic, params.bag.map.layers.scan, params.objects.cloud,
+        player, options.topics, params.bag.map.layers.scan, params.objects.cloud,
         [&](const Scan& scan, const auto& T_world_lidar, const auto& T_end) {
           const MapDelta& update = player.timed(
               [&]() -> const MapDelta& { return pipeline.process(scan, T_world_lidar, T_end, pose.covariance); });
           states.add(pipeline.points());
           const bool has_base = !base_frame.empty();
           pose.T_world_base =
-              pose2_of(has_base ? player.T_world_base_at(scan.stamp_ns) : Eigen::Isometry3d(T_world_lidar));
+              pose2_of(has_base ? player.T_world_base_of_scan(scan.stamp_ns) : Eigen::Isometry3d(T_world_lidar));
           out.write(update, pose, pipeline);
         },
         options.lidar_frame);
@@ -297,11 +296,11 @@ void map_by_reflectors(const Options& options, const Params& params) {
                                     params.bag.localization);
   BagMap map(options, params);
   MapPipeline& pipeline = map.pipeline();
-  BagPlayer player = player_by_odometry(options.bag, frames);
+  BagPlayer player = player_by_odometry(options.bag, frames, params.objects.scan_pose_offset_s);
   Output out(options);
   PointStates states;
   player.on_restart([&pipeline] { pipeline.begin_anew(); });
-  BagLocalization bag_localization(player, options.reflectors, frames, options.scan_topic, params.bag.map.layers.scan,
+  BagLocalization bag_localization(player, options.reflectors, frames, options.topics.scans, params.bag.map.layers.scan,
                                    localization, [&](const Scan& scan, const OdometryScan& placed) {
                                      const MapDelta* const update = player.timed([&]() -> const MapDelta* {
                                        const std::optional<PlacedScan> in_world = localization.place(scan, placed);
@@ -327,7 +326,7 @@ void map_by_reflectors(const Options& options, const Params& params) {
 void map_by_gps(const Options& options, const Params& params) {
   const std::string base_frame =
       options.reflectors.odometry.frames.base.empty() ? "base_link" : options.reflectors.odometry.frames.base;
-  BagPlayer player(with_backlog(options.bag), {base_frame, true});
+  BagPlayer player(with_backlog(options.bag), {base_frame, true, params.objects.scan_pose_offset_s});
   Output out(options);
   BagMap map(options, params);
   MapPipeline& pipeline = map.pipeline();
@@ -336,7 +335,7 @@ void map_by_gps(const Options& options, const Params& params) {
   PointStates states;
   const MapDelta* update = nullptr;
   bag_navigation.subscribe_scans(
-      options.scan_topic, params.bag.map.layers.scan, options.lidar_frame,
+      options.topics.scans, params.bag.map.layers.scan, options.lidar_frame,
       [&](const Scan& scan, const auto& T_odom_lidar, const auto& T_odom_lidar_end,
           const InertialPlacement& placement) -> const MapAlignment& {
         update = &pipeline.process(scan, T_odom_lidar, T_odom_lidar_end, placement);

@@ -51,7 +51,7 @@ Invalid scans have no line and are counted by reason. Files are written atomical
 
 struct Options {
   BagOptions bag;
-  std::string scan_topic = "/scan", cloud_topic;
+  ScanTopics topics;
   std::string out, detections, points, load_objects, save_objects, detector, model_folder;
   std::optional<double> scan_pose_offset_s;
 };
@@ -61,9 +61,7 @@ void add_options(CommandLine& app, Options& options) {
   const auto text = [&app](const char* name, std::string& value, const char* type, const char* what) {
     return app.add_option(name, value, what).type_name(type);
   };
-  const CommandLineOption scans = text("--scan-topic", options.scan_topic, "TOPIC", "sensor_msgs/LaserScan");
-  text("--cloud-topic", options.cloud_topic, "TOPIC", "sensor_msgs/PointCloud2, in place of scans: its level slice")
-      .excludes(scans);
+  add_scan_options(app, options.topics);
   text("--out", options.out, "FILE", "output file of the map's lines");
   text("--detections", options.detections, "FILE", "output file of the detections' lines");
   text("--points", options.points, "FILE", "output file of the lines of what became of each hit");
@@ -218,8 +216,7 @@ int objects_bag(const Options& options) {
     on_no_map += static_cast<std::size_t>(result.unmapped.on_no_map);
     longest_s = result.unmapped.longest_s;
   };
-  const auto check =
-      subscribe_scans_or_clouds(player, options.scan_topic, options.cloud_topic, params.scan, params.cloud, use);
+  const auto check = subscribe_scans_or_clouds(player, options.topics, params.scan, params.cloud, use);
   player.play();
   player.print_summary();
   player.check_mapped(states.why_no_hit());

@@ -51,7 +51,7 @@ constexpr double kTfSigma_rad = 0.01;
 
 struct Options {
   BagOptions bag;
-  std::string scan_topic = "/scan", cloud_topic;
+  ScanTopics topics;
   ReflectorOptions reflectors;
   std::string localization = "reflectors";
   std::string out, model_folder;
@@ -65,9 +65,7 @@ void add_options(CommandLine& app, Options& options) {
   const auto text = [&app](const char* name, std::string& value, const char* type, const char* what) {
     return app.add_option(name, value, what).type_name(type);
   };
-  const CommandLineOption scans = text("--scan-topic", options.scan_topic, "TOPIC", "sensor_msgs/LaserScan");
-  text("--cloud-topic", options.cloud_topic, "TOPIC", "sensor_msgs/PointCloud2, in place of scans: its level slice")
-      .excludes(scans);
+  add_scan_options(app, options.topics);
   add_reflector_options(app, options.reflectors);
   text("--localization", options.localization, "KIND", "reflectors, or tf: the pose in the world is that of /tf")
       .check(one_of({"reflectors", "tf"}));
@@ -82,7 +80,7 @@ void add_options(CommandLine& app, Options& options) {
   text("--model-folder", options.model_folder, "DIR", "folder of relative models (default: models/ of this package)");
   app.callback([&options] {
     check_reflector_options(options.reflectors, options.localization == "reflectors");
-    if (!options.cloud_topic.empty() && options.localization != "tf") {
+    if (!options.topics.clouds.empty() && options.localization != "tf") {
       throw CommandLineError("clouds are mapped with --localization tf: reflectors are seen in scans");
     }
   });
@@ -159,6 +157,7 @@ struct Params {
   PolygonPipelineParams polygons;
   std::optional<ObjectPipelineParams> objects;
   CloudSliceParams cloud;
+  double scan_pose_offset_s = 0.0;
 };
 
 Params read_params(const Options& options) {
@@ -167,6 +166,7 @@ Params read_params(const Options& options) {
   params.polygons = params_with_objects<PolygonPipelineParams>(config_path(options.bag, kConfig), options.model_folder,
                                                                options.objects, objects);
   params.cloud = objects.cloud;
+  params.scan_pose_offset_s = objects.scan_pose_offset_s;
   if (options.objects) params.objects = objects;
   return params;
 }
@@ -179,7 +179,7 @@ void print_movers(const PolygonPipeline& pipeline) {
 
 void map_by_tf(const Options& options, const Params& params) {
   const std::string base_frame = base_frame_by_tf(options.bag, options.reflectors.odometry);
-  BagPlayer player(options.bag, {base_frame});
+  BagPlayer player(options.bag, {base_frame, false, params.scan_pose_offset_s});
   Output out(options);
   PolygonPipeline pipeline(params.polygons, params.objects);
   const Eigen::Matrix3d covariance =
@@ -188,10 +188,10 @@ void map_by_tf(const Options& options, const Params& params) {
   const auto use = [&](const Scan& scan, const auto& T_world_lidar, const auto& T_end) {
     player.timed([&] { pipeline.process(scan, T_world_lidar, T_end, covariance); });
     const Eigen::Isometry3d T_world_base =
-        base_frame.empty() ? Eigen::Isometry3d(T_world_lidar) : player.T_world_base_at(scan.stamp_ns);
+        base_frame.empty() ? Eigen::Isometry3d(T_world_lidar) : player.T_world_base_of_scan(scan.stamp_ns);
     out.write(scan, pose2_of(T_world_base), covariance, pipeline);
   };
-  subscribe_scans_or_clouds(player, options.scan_topic, options.cloud_topic, params.polygons.scan, params.cloud, use);
+  subscribe_scans_or_clouds(player, options.topics, params.polygons.scan, params.cloud, use);
   player.play();
   player.print_summary();
   print_movers(pipeline);
@@ -202,10 +202,10 @@ void map_by_tf(const Options& options, const Params& params) {
 void map_by_reflectors(const Options& options, const Params& params) {
   const OdometryFrames frames = odometry_frames(options.bag, options.reflectors.odometry);
   ReflectorPolygonPipeline pipeline(load_reflector_map(options.reflectors.reflectors), params.polygons, params.objects);
-  BagPlayer player = player_by_odometry(options.bag, frames);
+  BagPlayer player = player_by_odometry(options.bag, frames, params.scan_pose_offset_s);
   Output out(options);
   player.on_restart([&pipeline] { pipeline.pipeline().begin_anew(); });
-  BagLocalization localization(player, options.reflectors, frames, options.scan_topic, params.polygons.scan,
+  BagLocalization localization(player, options.reflectors, frames, options.topics.scans, params.polygons.scan,
                                pipeline.localization_pipeline(), [&](const Scan& scan, const OdometryScan& placed) {
                                  if (!player.timed([&] { return pipeline.process(scan, placed); })) return false;
                                  const LocalizedPose pose = pipeline.localization().pose();

@@ -6,7 +6,6 @@
 #include <string>
 
 #include "command_line.hpp"
-#include "situation_awareness/common/params_yaml.hpp"
 #include "situation_awareness/pipeline/splinegon_pipeline.hpp"
 #include "situation_awareness/points/point_states.hpp"
 #include "situation_awareness/pose/gps_ins.hpp"
@@ -15,6 +14,7 @@
 #include "situation_awareness/ros/bag/json_line.hpp"
 #include "situation_awareness/ros/bag/line_file.hpp"
 #include "situation_awareness/ros/bag/navigation.hpp"
+#include "situation_awareness/ros/bag/params_with_objects.hpp"
 #include "situation_awareness/ros/bag/scans.hpp"
 #include "situation_awareness/ros/convert/poses.hpp"
 #include "situation_awareness/ros/inertial_navigation.hpp"
@@ -41,7 +41,7 @@ constexpr double kTfSigma_rad = 0.002;
 
 struct Options {
   BagOptions bag;
-  std::string scan_topic = "/scan";
+  ScanTopics topics;
   NavigationOptions navigation;
   std::string localization = "gps", lidar_frame, base_frame = "base_link", out;
 };
@@ -51,14 +51,19 @@ void add_options(CommandLine& app, Options& options) {
   const auto text = [&app](const char* name, std::string& value, const char* type, const char* what) {
     return app.add_option(name, value, what).type_name(type);
   };
-  text("--scan-topic", options.scan_topic, "TOPIC", "sensor_msgs/LaserScan");
+  add_scan_options(app, options.topics);
   add_navigation_options(app, options.navigation);
   text("--lidar-frame", options.lidar_frame, "FRAME", "of the scanner (default: that of its messages)");
   text("--base-frame", options.base_frame, "FRAME", "whose pose is estimated");
   text("--localization", options.localization, "KIND", "gps, with the IMU, or tf: the pose in the world is that of /tf")
       .check(one_of({"gps", "tf"}));
   text("--out", options.out, "FILE", "output file of the lines").required();
-  app.callback([&options] { check_origin(options.navigation); });
+  app.callback([&options] {
+    check_origin(options.navigation);
+    if (!options.topics.clouds.empty() && options.localization != "tf") {
+      throw CommandLineError("clouds are mapped with --localization tf: scans alone have the pose by GPS");
+    }
+  });
 }
 
 /// R = Rz(yaw) Ry(pitch) Rx(roll).
@@ -100,10 +105,15 @@ struct BagParams {
   }
 };
 
-void map_by_tf(const Options& options, const BagParams& params) {
-  BagPlayer player(options.bag, {options.base_frame});
+struct Params {
+  BagParams bag;
+  ObjectPipelineParams objects;
+};
+
+void map_by_tf(const Options& options, const Params& params) {
+  BagPlayer player(options.bag, {options.base_frame, false, params.objects.scan_pose_offset_s});
   LineFile out(options.out);
-  SplinegonPipeline pipeline(params.pipeline);
+  SplinegonPipeline pipeline(params.bag.pipeline);
   player.on_restart([&pipeline] { pipeline.reset(); });
   PointStates states;
   WorldPose pose;
@@ -112,10 +122,10 @@ void map_by_tf(const Options& options, const BagParams& params) {
   // Of x, y and yaw: that of the attitude is the same about all axes. As live, to the last digit.
   const Eigen::Matrix3d planar =
       Eigen::Vector3d(kTfSigma_m * kTfSigma_m, kTfSigma_m * kTfSigma_m, kTfSigma_rad * kTfSigma_rad).asDiagonal();
-  subscribe_scans(
-      player, options.scan_topic, params.pipeline.scan,
+  subscribe_scans_or_clouds(
+      player, options.topics, params.bag.pipeline.scan, params.objects.cloud,
       [&](const Scan& scan, const auto& T_world_lidar, const auto& T_world_lidar_end) {
-        pose.T_world_base = player.T_world_base_at(scan.stamp_ns);
+        pose.T_world_base = player.T_world_base_of_scan(scan.stamp_ns);
         player.timed([&] { pipeline.process(scan, T_world_lidar, T_world_lidar_end, planar); });
         states.add(pipeline.points());
         out.write(json_line(scan.stamp_ns, json_of(pose, pipeline.splinegons())));
@@ -127,15 +137,15 @@ void map_by_tf(const Options& options, const BagParams& params) {
   out.finish();
 }
 
-void map_by_gps(const Options& options, const BagParams& params) {
-  BagPlayer player(with_backlog(options.bag), {options.base_frame, true});
+void map_by_gps(const Options& options, const Params& params) {
+  BagPlayer player(with_backlog(options.bag), {options.base_frame, true, params.objects.scan_pose_offset_s});
   LineFile out(options.out);
-  SplinegonPipeline pipeline(params.pipeline);
+  SplinegonPipeline pipeline(params.bag.pipeline);
   player.on_restart([&pipeline] { pipeline.reset(); });
-  BagNavigation bag_navigation(kName, player, options.bag, options.navigation, options.base_frame, params.gps_ins);
+  BagNavigation bag_navigation(kName, player, options.bag, options.navigation, options.base_frame, params.bag.gps_ins);
   PointStates states;
   bag_navigation.subscribe_scans(
-      options.scan_topic, params.pipeline.scan, options.lidar_frame,
+      options.topics.scans, params.bag.pipeline.scan, options.lidar_frame,
       [&](const Scan& scan, const auto& T_odom_lidar, const auto& T_odom_lidar_end,
           const InertialPlacement& placement) -> const MapAlignment& {
         pipeline.process(scan, T_odom_lidar, T_odom_lidar_end, placement);
@@ -154,7 +164,8 @@ void map_by_gps(const Options& options, const BagParams& params) {
 
 int splinegons_bag(const Options& options) {
   const std::string path = config_path(options.bag, kConfig);
-  const auto params = params_from_yaml<BagParams>(read_text_file(path), path, print_warning);
+  Params params;
+  params.bag = params_with_objects<BagParams>(path, "", false, params.objects);
   if (options.localization == "tf") {
     map_by_tf(options, params);
   } else {

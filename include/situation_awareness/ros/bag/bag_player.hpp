@@ -45,11 +45,11 @@ class BagPlayer {
   struct Poses {
     std::string base_frame = {};  ///< of the vehicle; by TF and not empty: measurements wait for its pose, too
     bool are_given = false;       ///< by add_pose, not by TF
-    double offset_s = 0.0;        ///< the pose of a measurement is so much later
+    double scan_offset_s = 0.0;   ///< the pose of a scan or cloud is so much later; by TF alone
   };
 
-  /// Opens the bags; stamps that go back by more than StampOrder::kResetTimeJump_s are a restart (StampOrder). Throws
-  /// std::runtime_error.
+  /// Opens the bags; stamps that go back by more than StampOrder::kResetTimeJump_s are a restart (StampOrder). An
+  /// offset of scans from poses that are given is not used, and print_summary() warns of it. Throws std::runtime_error.
   BagPlayer(const BagOptions& options, const Poses& poses);
 
   /// `take` gets the messages of a topic, with or without its leading slash. Throws std::runtime_error if it is not in
@@ -86,11 +86,11 @@ class BagPlayer {
   /// The measurement that was taken is not counted, and neither used nor dropped.
   void pass_over() { --measurements_; }
 
-  /// The pose of a measurement is so much later.
-  double pose_offset_s() const { return source_.offset_s; }
+  /// The pose of a scan or cloud is so much later.
+  double scan_offset_s() const { return source_.scan_offset_s; }
 
-  /// At the time of `taken` in the recording.
-  void use_when_posed(const Taken& taken, const ros::Time& recorded, Use use);
+  /// At the time of `taken` in the recording. Measurements of one frame have their poses equally late.
+  void use_when_posed(const Taken& taken, const ros::Time& recorded, Use use, double pose_offset_s = 0.0);
 
   /// Adds a pose of the base in the world; its names of frames do not matter.
   void add_pose(geometry_msgs::TransformStamped T_world_base);
@@ -98,8 +98,9 @@ class BagPlayer {
   /// Forgets the poses: those that come next may be of earlier stamps, or of another world.
   void forget_poses();
 
-  /// Of the base at the stamp of a measurement while it is used.
+  /// Of the base at the stamp of a measurement, and of a scan or cloud, while it is used.
   Eigen::Isometry3d T_world_base_at(std::int64_t stamp_ns) const;
+  Eigen::Isometry3d T_world_base_of_scan(std::int64_t stamp_ns) const;
 
   /// The transforms of the bag until now.
   const tf2::BufferCore& tf() const { return tf_; }
@@ -136,7 +137,7 @@ class BagPlayer {
 
   /// The measurements of one sensor: those of another one may be earlier, and come later.
   struct SensorQueue {
-    std::string frame;  ///< empty: it has none yet
+    std::string frame;
     TransformQueue<Use> queue;
     std::size_t restarts = 0;
   };
@@ -157,8 +158,8 @@ class BagPlayer {
   void play_all();
   void release(std::int64_t now_ns);
   void release(SensorQueue& of, std::int64_t now_ns);
-  std::unique_ptr<SensorQueue> make_queue();
-  TransformQueue<Use>& queue_of(const std::string& frame);
+  std::unique_ptr<SensorQueue> make_queue(const std::string& frame, double pose_offset_s);
+  TransformQueue<Use>& queue_of(const std::string& frame, double pose_offset_s);
 
   BagOptions options_;
   Recording recording_;

@@ -29,7 +29,7 @@ void add_reflector_options(CommandLine& app, ReflectorOptions& options);
 void check_reflector_options(const ReflectorOptions& options, bool by_reflectors);
 
 /// A player of a bag whose scans wait for the odometry of their first and last beams.
-BagPlayer player_by_odometry(const BagOptions& bag, const OdometryFrames& frames);
+BagPlayer player_by_odometry(const BagOptions& bag, const OdometryFrames& frames, double scan_offset_s);
 
 /// Localisation by reflectors and odometry while a bag is played.
 class BagLocalization {

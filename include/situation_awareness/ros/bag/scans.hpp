@@ -35,9 +35,16 @@ std::shared_ptr<const ScannerCheck> subscribe_clouds(BagPlayer& player, const st
                                                      const CloudSliceParams& cloud_params, UseScan use,
                                                      const std::string& lidar_frame = {});
 
-/// Subscribes to the clouds of a topic, or to the scans of another where that of clouds is empty.
-std::shared_ptr<const ScannerCheck> subscribe_scans_or_clouds(BagPlayer& player, const std::string& scan_topic,
-                                                              const std::string& cloud_topic,
+/// Where scans are, or clouds in place of them.
+struct ScanTopics {
+  std::string scans = "/scan", clouds;
+};
+
+/// --scan-topic and --cloud-topic.
+void add_scan_options(CommandLine& app, ScanTopics& topics);
+
+/// Subscribes to the clouds, or to the scans where there is no topic of clouds.
+std::shared_ptr<const ScannerCheck> subscribe_scans_or_clouds(BagPlayer& player, const ScanTopics& topics,
                                                               const RangeLimiterParams& params,
                                                               const CloudSliceParams& cloud_params, UseScan use,
                                                               const std::string& lidar_frame = {});
