@@ -10,8 +10,10 @@
 namespace situation_awareness {
 namespace {
 
-/// Messages by which a delay is known: of a second at 50 Hz and at 5 Hz.
+/// Messages by which a delay is known, and the least time between the receipts of samples (s): together they take a
+/// second, in which a clock that counts seconds has shown all of its delays.
 constexpr std::size_t kSamples = 50, kFixes = 5;
+constexpr double kSamplesApart_s = 0.0199;
 /// s. Stamps of fixes that are ahead of those of the IMU by more are a contradiction: a fix cannot be received before
 /// its time, but samples of an IMU may be under way for as long.
 constexpr double kMostLead_s = 0.2;
@@ -33,10 +35,12 @@ double median_of(std::vector<double>& values) {
 
 }  // namespace
 
-FixConsistency::FixConsistency() : imu_(kSamples), fixes_(kFixes) {}
+FixConsistency::FixConsistency() : imu_(kSamples, kSamplesApart_s), fixes_(kFixes, 0.0) {}
 
 void FixConsistency::Delays::add(std::int64_t stamp_ns, std::int64_t received_ns) {
   if (received_ns == StampOrder::kNone) return;
+  if (received_ns_ != StampOrder::kNone && std::abs(seconds_between(received_ns_, received_ns)) < apart_s_) return;
+  received_ns_ = received_ns;
   const double delay_s = seconds_between(stamp_ns, received_ns);
   if (seconds_.size() < most_) {
     seconds_.push_back(delay_s);
@@ -50,8 +54,9 @@ FixConsistency::Lead FixConsistency::Delays::median() const {
   std::vector<double> values = seconds_;
   const double median_s = median_of(values);
   for (double& value : values) value = std::abs(value - median_s);
-  // 1.48 and 1.25: those of a normal distribution, of its median deviation and of the median's error.
-  return {median_s, 1.25 * 1.48 * median_of(values) / std::sqrt(static_cast<double>(values.size()))};
+  // 1.48: the standard deviation of a normal distribution by its median deviation. That of the median is not less where
+  // delays of messages one after another are alike, as those of a coarse clock.
+  return {median_s, 1.48 * median_of(values)};
 }
 
 std::optional<FixConsistency::Lead> FixConsistency::lead() const {

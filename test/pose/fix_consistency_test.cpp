@@ -22,19 +22,29 @@ constexpr double kMostLate_s = 1.0;
 /// Fixes at 5 Hz with so much between their stamps and those of the IMU, received so late on average.
 struct Receiver {
   double ahead_s = 0.0, late_s = 0.06, jitter_s = 0.01, imu_late_s = 0.001;
-  double clock_s = 0.0;  ///< of the receipts against that of the stamps
+  double clock_s = 0.0;     ///< of the receipts against that of the stamps
+  double imu_step_s = 0.0;  ///< of the clock that stamps the samples; 0: a fine one
+  double imu_rate_hz = 100.0;
 };
 
-FixConsistency after(const Receiver& receiver, double seconds, unsigned seed = 1) {
+/// `each`: called after each fix.
+FixConsistency after(
+    const Receiver& receiver, double seconds, unsigned seed = 1,
+    const std::function<void(const FixConsistency&)>& each = [](const FixConsistency&) {}) {
   FixConsistency consistency;
   std::mt19937 random(seed);
   std::exponential_distribution<double> more;
-  for (int i = 0; i * 0.01 < seconds; ++i) {
-    const double t = 1000.0 + i * 0.01;
-    consistency.add_imu(nanoseconds(t), nanoseconds(t + receiver.imu_late_s + 0.002 * more(random) + receiver.clock_s));
-    if (i % 20 != 10) continue;
+  const double step_s = receiver.imu_step_s;
+  const auto samples_per_fix = static_cast<int>(receiver.imu_rate_hz / 5.0);
+  for (int i = 0; i / receiver.imu_rate_hz < seconds; ++i) {
+    const double t = 1000.37 + i / receiver.imu_rate_hz;
+    const double stamp_s = step_s > 0.0 ? step_s * std::floor(t / step_s) : t;
+    consistency.add_imu(nanoseconds(stamp_s),
+                        nanoseconds(t + receiver.imu_late_s + 0.002 * more(random) + receiver.clock_s));
+    if (i % samples_per_fix != samples_per_fix / 2) continue;
     const double received_s = t + receiver.late_s + receiver.jitter_s * more(random) + receiver.clock_s;
     consistency.add_fix(nanoseconds(t + receiver.ahead_s), nanoseconds(received_s));
+    each(consistency);
   }
   return consistency;
 }
@@ -71,6 +81,23 @@ TEST(FixConsistency, SaysNothingOfDelays) {
     unknown.add_fix(nanoseconds(i + 18.0), StampOrder::kNone);
   }
   EXPECT_EQ(unknown.contradiction(kMostLate_s), "");
+}
+
+TEST(FixConsistency, SaysNothingOfACoarseClock) {
+  for (const double rate_hz : {50.0, 100.0, 400.0}) {
+    for (const double step_s : {0.1, 0.5, 1.0}) {
+      for (unsigned seed = 1; seed <= 5; ++seed) {
+        Receiver receiver;
+        receiver.imu_step_s = step_s;
+        receiver.imu_rate_hz = rate_hz;
+        after(receiver, 10.0, seed, [&](const FixConsistency& consistency) {
+          EXPECT_EQ(consistency.contradiction(kMostLate_s), "") << step_s << " s at " << rate_hz << " Hz";
+        });
+        receiver.ahead_s = 18.0;
+        EXPECT_NE(after(receiver, 2.0, seed).contradiction(kMostLate_s).find("GPS time"), std::string::npos);
+      }
+    }
+  }
 }
 
 std::string after_altitudes(const std::function<double(double t)>& altitude_m, double sigma_m = 0.6) {

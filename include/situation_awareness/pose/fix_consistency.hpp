@@ -40,15 +40,17 @@ class FixConsistency {
   /// The delays of the latest messages of a topic.
   class Delays {
    public:
-    explicit Delays(std::size_t most) : most_(most) { seconds_.reserve(most); }
+    Delays(std::size_t most, double apart_s) : most_(most), apart_s_(apart_s) { seconds_.reserve(most); }
     void add(std::int64_t stamp_ns, std::int64_t received_ns);
     bool is_known() const { return seconds_.size() == most_; }
-    /// Their median, and the standard deviation of that by their median deviation.
+    /// Their median, and their standard deviation by their median deviation.
     Lead median() const;
 
    private:
     std::size_t most_, next_ = 0;
-    std::vector<double> seconds_;  ///< a ring
+    double apart_s_;                                ///< what is received earlier after another is left out
+    std::int64_t received_ns_ = StampOrder::kNone;  ///< of the latest
+    std::vector<double> seconds_;                   ///< a ring
   };
 
   Delays imu_, fixes_;
