@@ -381,6 +381,8 @@ class CircumnavigateTest(unittest.TestCase):
         outcomes["restarted"] = ("on again", "holds after 1 s, until the next scan")
         outcomes["inf"] = ("goes on", "as no return: flies on, while beams go on behind nothing that is mapped")
         self.check_all("scan", faults, outcomes)
+        # By the parameter no_return.
+        self.fly_with("scan", "0", lambda msg: set_number(msg, "ranges", [0.0] * 361), "goes on", 40)
         # A box 25 m ahead, which the beams pass.
         self.check("scan", "contradicts another input", sees_nothing, *holds, pose=(30.0, 0.0, 0.0),
                    boundaries=[square(5, False, 0.1)])

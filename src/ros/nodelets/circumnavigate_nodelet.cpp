@@ -32,6 +32,7 @@
 #include "situation_awareness/ros/convert/mission.hpp"
 #include "situation_awareness/ros/convert/odometry.hpp"
 #include "situation_awareness/ros/convert/poses.hpp"
+#include "situation_awareness/ros/convert/scan.hpp"
 #include "situation_awareness/ros/mission_memory.hpp"
 #include "situation_awareness/ros/params/circumnavigate_nodelet_params.hpp"
 #include "situation_awareness/ros/receipt.hpp"
@@ -58,6 +59,7 @@ class CircumnavigateStage {
         path_(context.node().advertise<nav_msgs::Path>("path", 1, /*latch=*/true)),
         markers_(context.node().advertise<visualization_msgs::MarkerArray>("mission_markers", 5)),
         transform_input_(tf_, context.node()) {
+    params.scan.validate();
     if (params.lost_turn_rate_rad_s == 0.0) throw std::invalid_argument("lost_turn_rate_rad_s must not be 0");
     context.diagnostics().on_report([this](StageDiagnostics::Status& status) { report(status); });
     begin_mission();
@@ -210,8 +212,9 @@ class CircumnavigateStage {
     return true;
   }
 
-  void on_scan(const sensor_msgs::LaserScanConstPtr& msg) {
+  void on_scan(const sensor_msgs::LaserScanConstPtr& sent) {
     if (order_.latest_ns() == StampOrder::kNone) return;
+    const sensor_msgs::LaserScanConstPtr msg = conventional(sent, params_.scan.scanner);
     const std::string defect = scan_msg_defect(*msg);
     if (!defect.empty()) return scan_not_used(defect);
     if (std::abs((ros::Time::now() - msg->header.stamp).toSec()) > kMostDelay_s)

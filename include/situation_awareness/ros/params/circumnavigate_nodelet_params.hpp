@@ -6,6 +6,7 @@
 
 #include "situation_awareness/path/circumnavigation.hpp"
 #include "situation_awareness/ros/params/nodelet_params.hpp"
+#include "situation_awareness/scan/range_limiter.hpp"
 
 namespace situation_awareness {
 
@@ -18,6 +19,7 @@ struct CircumnavigateNodeletParams {
   double lost_turn_rate_rad_s = 0.45;
   /// Set by the stage itself: where and when its mission began, for the manager that is started after a crash.
   std::string resume;
+  RangeLimiterParams scan;  ///< how the driver fills its messages; beams are seen to their own range_max
   CircumnavigationParams mission;
   std::vector<UnknownKey> unknown;
 
@@ -34,6 +36,7 @@ struct CircumnavigateNodeletParams {
           "commanded before the first odometry: on a circle the vehicle stays where it is, and gps_ins finds its yaw; "
           "not 0");
     visit("resume", self.resume, "");
+    visit("scan", self.scan);
     visit("mission", self.mission);
   }
 };
