@@ -24,8 +24,6 @@ namespace {
 
 /// m. Mean radius of a leg.
 constexpr double kLegRadius_m = 0.06;
-/// m. Two legs side by side have no larger semi-axis.
-constexpr double kMaxBothLegs_m = 0.35;
 /// m. Two legs side by side are at least this wide.
 constexpr double kMinBothLegs_m = 0.11;
 /// s. Correlation time of a leg's way from the middle, when it walks.
@@ -34,6 +32,10 @@ constexpr double kStride_s = 0.35;
 constexpr double kHips_s = 0.15;
 /// m. Standard deviation of the hips about the middle of the hits of both legs.
 constexpr double kBothInOne_m = 0.07;
+/// m. Mean radius of both legs in one, from feet together to a step seen from aside, whose hits are as wide as 0.5 m.
+constexpr double kBothRadius_m = 0.15;
+/// m. Standard deviation of that, and of its (p, q).
+constexpr double kBothRadiusSigma_m = 0.08;
 /// m. Standard deviation of the centre of a leg, of its hits alone.
 constexpr double kHits_m = 0.04;
 /// m^2. Variance of a shape that is set to what is expected.
@@ -51,7 +53,7 @@ constexpr double kStopRate_1_s = 0.3;
 
 /// A leg, or both in one, `offset_m` from the middle.
 ObjectEstimate leg_estimate(const ObjectEstimate& middle, const Eigen::Vector2d& offset_m, double variance_m2,
-                            double radius_m) {
+                            double radius_m, double radius_sigma_m) {
   ObjectEstimate leg = middle;
   leg.x.segment<2>(kPosition) += offset_m;
   leg.x(kAngularVelocity) = 0.0;
@@ -59,7 +61,7 @@ ObjectEstimate leg_estimate(const ObjectEstimate& middle, const Eigen::Vector2d&
   leg.P.bottomRows<4>().setZero();
   leg.P.rightCols<4>().setZero();
   leg.P.diagonal().segment<2>(kPosition).array() += variance_m2;
-  leg.P.diagonal().segment<3>(kShape).array() = kLegRadiusSigma_m * kLegRadiusSigma_m;
+  leg.P.diagonal().segment<3>(kShape).array() = radius_sigma_m * radius_sigma_m;
   return leg;
 }
 
@@ -92,10 +94,11 @@ void predict_legs(MapElement& element, double dt_s) {
 
 void People::see(const Detections& detections, const std::vector<Measurement>& measurements) {
   legs_.clear();
-  const auto add = [&](const Measurement& measurement, bool has_shape, int beams, double size_m) {
+  const auto add = [&](const Measurement& measurement, bool has_shape, bool is_ellipse, int beams, double size_m) {
     Leg leg;
     leg.measurement = measurement;
     leg.has_shape = has_shape;
+    leg.is_ellipse = is_ellipse;
     leg.center_world_m = detections.T_world_level * Eigen::Vector2d(measurement.z.head<2>());
     leg.beams = beams;
     leg.may_be_one = size_m <= kMaxLeg_m;
@@ -104,7 +107,7 @@ void People::see(const Detections& detections, const std::vector<Measurement>& m
   };
   for (std::size_t j = 0; j < measurements.size(); ++j) {
     const Detection& detection = detections.detections[j];
-    add(measurements[j], true, detection.beams, detection.ellipse_level.rx_m);
+    add(measurements[j], true, detection.log_box_ratio < 0.0, detection.beams, detection.ellipse_level.rx_m);
   }
   for (const SmallSegment& small : detections.small_segments) {
     // The centre of a leg is behind its hits, by about its radius times pi / 4.
@@ -114,7 +117,7 @@ void People::see(const Detections& detections, const std::vector<Measurement>& m
     measurement.R.setZero();
     measurement.R.diagonal().head<2>().array() = kHits_m * kHits_m;
     measurement.time_offset_s = small.time_offset_s;
-    add(measurement, false, small.beams, 0.5 * small.width_m);
+    add(measurement, false, true, small.beams, 0.5 * small.width_m);
   }
   by_x_.resize(legs_.size());
   for (std::size_t i = 0; i < by_x_.size(); ++i) by_x_[i] = i;
@@ -146,8 +149,9 @@ void People::find_candidates(const std::vector<MapElement>& elements, const std:
     const Eigen::Vector2d& o_m = person.leg_offset_world_m;
     const double variance_m2 = person.leg_offset_variance_m2;
     const std::array<ObjectEstimate, 3> parts{
-        leg_estimate(middle, o_m, variance_m2, kLegRadius_m), leg_estimate(middle, -o_m, variance_m2, kLegRadius_m),
-        leg_estimate(middle, Eigen::Vector2d::Zero(), kBothInOne_m * kBothInOne_m, 0.5 * kMaxLeg_m + kLegRadius_m)};
+        leg_estimate(middle, o_m, variance_m2, kLegRadius_m, kLegRadiusSigma_m),
+        leg_estimate(middle, -o_m, variance_m2, kLegRadius_m, kLegRadiusSigma_m),
+        leg_estimate(middle, Eigen::Vector2d::Zero(), kBothInOne_m * kBothInOne_m, kBothRadius_m, kBothRadiusSigma_m)};
     const Eigen::Vector2d center_m = position(middle);
     const double reach_m = kReach_m + std::sqrt(gate) * sigma_m;
     auto near = std::lower_bound(by_x_.begin(), by_x_.end(), center_m.x() - reach_m,
@@ -182,6 +186,8 @@ void People::find_candidates(const std::vector<MapElement>& elements, const std:
 /// The rows that the assignment gave each column, and the columns of each person.
 void People::find_owners(const std::vector<int>& column_of_row) {
   assign_with_room(row_of_column_, legs_.size(), -1);
+  assign_with_room(column_of_row_, column_of_row.size(), -1);
+  std::copy(column_of_row.begin(), column_of_row.end(), column_of_row_.begin());
   columns_of_person_.reserve(kUsualRoom);  // before the first person is there
   assign_with_room(columns_of_person_, persons_.size(), {-1, -1});
   for (std::size_t row = 0; row < column_of_row.size(); ++row) {
@@ -212,12 +218,31 @@ bool People::is_free(std::size_t column, std::int64_t stamp_ns, const std::vecto
   return is_foot(element, stamp_ns) && (element.mobile || is_new);
 }
 
+/// What holds both legs is a known person's rather than that of what is new: the person takes it back.
+void People::find_both_in_one(std::int64_t stamp_ns, const std::vector<MapElement>& elements) {
+  for (std::size_t c = 0; c < candidates_.size(); ++c) {
+    if (parts_[c] != Part::kBoth) continue;
+    const std::size_t person = (static_cast<std::size_t>(candidates_[c].row) - first_row_) / 2;
+    const std::size_t column = static_cast<std::size_t>(candidates_[c].column);
+    std::array<int, 2>& columns = columns_of_person_[person];
+    const int owner = row_of_column_[column];
+    if (columns[0] >= 0 || columns[1] >= 0 || owner >= static_cast<int>(first_row_)) continue;
+    if (owner >= 0) {
+      const MapElement& element = elements[static_cast<std::size_t>(owner)];
+      const bool is_new = element.first_seen_ns > elements[persons_[person]].first_seen_ns &&
+                          seconds_between(element.first_seen_ns, stamp_ns) < kSamePast_s;
+      if (!is_new) continue;
+      robbed_.push_back(static_cast<std::size_t>(owner));
+    }
+    columns[0] = candidates_[c].column;
+    row_of_column_[column] = candidates_[c].row;
+  }
+}
+
 /// A leg may swing faster than any gate allows: legs that persons miss are the nearest free ones within reach.
 void People::find_missing_legs(std::int64_t stamp_ns, const std::vector<MapElement>& elements) {
   missing_.clear();
   missing_.reserve(kUsualRoom);
-  robbed_.clear();
-  robbed_.reserve(kUsualRoom);
   for (std::size_t k = 0; k < persons_.size(); ++k) {
     const std::array<int, 2>& columns = columns_of_person_[k];
     const ObjectEstimate middle = combine(elements[persons_[k]].estimate);
@@ -257,6 +282,9 @@ const std::vector<SeenLegs>& People::update_legs(const std::vector<int>& column_
   seen_.clear();
   seen_.reserve(kUsualRoom);
   find_owners(column_of_row);
+  robbed_.clear();
+  robbed_.reserve(kUsualRoom);
+  find_both_in_one(stamp_ns, elements);
   find_missing_legs(stamp_ns, elements);
   for (std::size_t k = 0; k < persons_.size(); ++k) {
     SeenLegs seen;

@@ -17,6 +17,8 @@ constexpr double kPersonRadius_m = 0.2;
 constexpr double kPersonRadiusSigma_m = 0.03;
 /// m. Standard deviation of the mean radius of a leg, and of its (p, q).
 constexpr double kLegRadiusSigma_m = 0.03;
+/// m. Two legs side by side have no larger semi-axis.
+constexpr double kMaxBothLegs_m = 0.35;
 /// m. A leg has no larger semi-axis.
 constexpr double kMaxLeg_m = 0.14;
 /// m. Standard deviation of a leg's way from the middle, per axis, when it walks, and of what has not been seen.

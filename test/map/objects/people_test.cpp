@@ -13,6 +13,7 @@
 #include "situation_awareness/common/random.hpp"
 #include "situation_awareness/common/time.hpp"
 #include "situation_awareness/geometry/angles.hpp"
+#include "situation_awareness/geometry/box.hpp"
 #include "situation_awareness/map/objects/object_map.hpp"
 #include "support/random_gaussian.hpp"
 
@@ -387,6 +388,62 @@ TEST(People, ASavedMapContinuesBitForBit) {
     EXPECT_EQ(a.objects[0].ellipse_world.center_m, b.objects[0].ellipse_world.center_m);
     EXPECT_EQ(a.objects[0].covariance, b.objects[0].covariance);
     EXPECT_EQ(a.objects[0].p_class, b.objects[0].p_class);
+  }
+}
+
+/// Both legs as one thing, which looks like a box across the way that has the half length. `sigmas`: the claimed
+/// standard deviations, in those of the errors.
+Detections both_in_one(double time_s, const Eigen::Vector2d& middle_m, double half_length_m, double sigmas,
+                       Random& random) {
+  const Box box{middle_m, 0.5 * kPi, half_length_m, 0.06};
+  Detections detections = detections_of(time_s, {moment_equal_ellipse(box)}, random);
+  Detection& detection = detections.detections[0];
+  detection.shape = Shape::kBox;
+  detection.box_level = moment_equal_box(detection.ellipse_level);
+  detection.log_box_ratio = 5.0;
+  detection.covariance *= sigmas * sigmas;
+  return detections;
+}
+
+TEST(People, WhoStoodKeepsTheirIdWhenBothLegsAreOneThing) {
+  for (const double half_length_m : {0.12, 0.18, 0.25, 0.29}) {
+    for (std::uint64_t seed = 1; seed <= 5; ++seed) {
+      ObjectMap map{ObjectMapParams{}};
+      Random random(seed);
+      const Walker walker{{3.0, -3.0}, {0.0, 1.0}};
+      std::set<std::uint64_t> ids;
+      for (double time_s = 0.0; time_s < 12.0; time_s += kPeriod_s) {
+        const double walked_s = std::min(time_s, 3.0) + std::max(0.0, time_s - 10.0);
+        const bool is_one = time_s > 7.0 && time_s < 10.0;
+        map.update(is_one ? both_in_one(time_s, walker.middle_m(walked_s), half_length_m, 1.0, random)
+                          : detections_of(time_s, walker.legs(walked_s), random));
+        if (time_s < 2.0) continue;
+        const std::vector<Object> objects = objects_at(map, walker.middle_m(walked_s));
+        ASSERT_EQ(objects.size(), 1U) << half_length_m << " m, seed " << seed << ", " << time_s << " s";
+        ASSERT_EQ(objects[0].object_class, ObjectClass::kPerson) << half_length_m << " m, seed " << seed;
+        ids.insert(objects[0].id);
+      }
+      EXPECT_EQ(ids.size(), 1U) << half_length_m << " m, seed " << seed;
+    }
+  }
+}
+
+TEST(People, WhoseLegsWereOneThingIsAPersonOnceTheyPart) {
+  for (const double speed : {0.5, 1.0, 1.5}) {
+    for (std::uint64_t seed = 1; seed <= 5; ++seed) {
+      ObjectMap map{ObjectMapParams{}};
+      Random random(seed);
+      const Walker walker{{3.0, -3.0}, {0.0, speed}, 0.55, 0.37 * static_cast<double>(seed)};
+      std::set<std::uint64_t> ids;
+      for (double time_s = 0.0; time_s < 3.0; time_s += kPeriod_s) {
+        map.update(time_s < 0.6 ? both_in_one(time_s, walker.middle_m(time_s), 0.15, 4.0, random)
+                                : detections_of(time_s, walker.legs(time_s), random));
+        if (time_s < 1.0) continue;  // 0.4 s after they parted
+        EXPECT_EQ(persons_on(map), 1) << speed << " m/s, seed " << seed << ", " << time_s << " s";
+        for (const Object& object : objects_at(map, walker.middle_m(time_s))) ids.insert(object.id);
+      }
+      EXPECT_EQ(ids.size(), 1U) << speed << " m/s, seed " << seed;
+    }
   }
 }
 

@@ -77,27 +77,32 @@ class People {
     Eigen::Vector2d center_world_m = Eigen::Vector2d::Zero();
     int beams = 0;
     bool has_shape = false;
+    bool is_ellipse = false;  ///< rather than a box
     bool may_be_one = false;
     bool may_be_both = false;
   };
   /// Of `candidates_`.
   enum class Part : std::uint8_t { kFirst, kSecond, kBoth };
   struct Foot {
-    double x_m;
     std::size_t element;
+    Eigen::Vector2d center_m;
+    bool has_parted = false;  ///< what was seen as one thing is now a leg of two
+    bool is_leg_sized = false;
   };
 
   void take_legs(std::int64_t stamp_ns, std::vector<MapElement>& elements) const;
-  void step_about(MapElement& foot, std::int64_t stamp_ns, double step_s, const MotionParams& motion, double gate,
+  void step_about(const Foot& foot, std::int64_t stamp_ns, double step_s, const MotionParams& motion, double gate,
                   std::vector<MapElement>& elements);
   void find_owners(const std::vector<int>& column_of_row);
   bool is_both_in_one(std::size_t person) const;
+  void find_both_in_one(std::int64_t stamp_ns, const std::vector<MapElement>& elements);
   bool is_free(std::size_t column, std::int64_t stamp_ns, const std::vector<MapElement>& elements) const;
   void find_missing_legs(std::int64_t stamp_ns, const std::vector<MapElement>& elements);
-  static void become_person(MapElement& foot, const Eigen::Vector2d& offset_m, double pair_log_odds,
-                            const MotionParams& motion, double gate, std::int64_t stamp_ns,
+  static void become_person(MapElement& foot, const Eigen::Vector2d& middle_m, const Eigen::Vector2d& offset_m,
+                            double pair_log_odds, const MotionParams& motion, double gate, std::int64_t stamp_ns,
                             std::vector<MapElement>& elements);
-  static void become_one_person(MapElement& a, MapElement& b, double pair_log_odds, const MotionParams& motion,
+  static void become_one_person(MapElement& a, MapElement& b, const Eigen::Vector2d& middle_m,
+                                const Eigen::Vector2d& offset_m, double pair_log_odds, const MotionParams& motion,
                                 double gate, std::int64_t stamp_ns, std::vector<MapElement>& elements);
   static MapElement* who_may_be_at(const ObjectEstimate& middle_world, double gate, std::int64_t stamp_ns,
                                    std::vector<MapElement>& elements);
@@ -105,8 +110,8 @@ class People {
                         std::int64_t stamp_ns);
   static bool is_leg_of_lost(MapElement& foot, double gate, std::int64_t stamp_ns, std::vector<MapElement>& elements);
   void find_feet(std::int64_t stamp_ns, const std::vector<MapElement>& elements);
-  std::size_t nearest_foot(std::size_t foot, double max_m, const std::vector<MapElement>& elements,
-                           double& second_nearest_m) const;
+  bool has_parted(const MapElement& element, int column, std::int64_t stamp_ns) const;
+  std::size_t nearest_foot(std::size_t foot, double max_m, double& second_nearest_m) const;
 
   std::vector<Leg> legs_;             ///< of the columns
   std::vector<std::size_t> by_x_;     ///< legs_, by x
@@ -123,6 +128,7 @@ class People {
     std::size_t leg;
   };
   std::vector<int> row_of_column_;                     ///< or -1
+  std::vector<int> column_of_row_;                     ///< or -1
   std::vector<std::array<int, 2>> columns_of_person_;  ///< of persons_
   std::vector<Missing> missing_;
   std::vector<std::size_t> robbed_;  ///< elements whose detections are legs of persons
