@@ -30,6 +30,9 @@ constexpr double kFixCorrelation_s = 20.0;
 /// rad. Standard deviation of each yaw that is tried: a third more than that of its part of the turn.
 constexpr double kYawSigma_rad = 0.075;
 
+/// Logarithm of how likely it is before anything was seen of it that a vehicle goes where it heads, against that it need
+/// not: not half as likely, since who knows it can say so.
+constexpr double kGoesAheadLog = -1.0;
 /// Standing or moving steadily: largest rate of turn, and difference of the mean force of two halves of the window.
 constexpr double kMaxLevelRate_rad_s = 0.05;
 constexpr double kMaxLevelChange_m_s2 = 0.5;
@@ -188,6 +191,45 @@ Estimate<GpsInsState> GpsIns::start_at(const GpsInsMeasurement& fix, bool is_ste
   return start;
 }
 
+/// Starts filters with all yaws, turned from an estimate about the antenna. The yaw's error is not correlated there with
+/// others; it is that of each part of the turn.
+void GpsIns::try_yaws(std::int64_t stamp_ns, const Estimate<GpsInsState>& about) {
+  const NavigationState& x = about.x.motion;
+  const Eigen::Vector3d antenna_m = x.position_world_m + x.q_world_imu * model_.antenna_imu_m;
+  const double yaw_now = yaw_of(x.q_world_imu);
+  const VelocityAges ages = used_ > 0 ? filters_[best()].velocity_ages() : VelocityAges();
+  used_ = 0;
+  for (int i = 0; i < kYaws; ++i) {
+    const Eigen::Matrix3d turn = Eigen::AngleAxisd(2.0 * kPi * i / kYaws - yaw_now, Eigen::Vector3d::UnitZ()).matrix();
+    Estimate<GpsInsState> turned = about;
+    turned.x.motion.q_world_imu = turn * x.q_world_imu;
+    turned.x.motion.position_world_m = antenna_m - turned.x.motion.q_world_imu * model_.antenna_imu_m;
+    // What is along the axes of the world is as the errors of the body, which turn, make it.
+    for (const int world : {kPosition, kVelocity, Manifold<GpsInsState>::kFixError}) {
+      turned.P.middleRows<3>(world) = (turn * turned.P.middleRows<3>(world)).eval();
+      turned.P.middleCols<3>(world) = (turned.P.middleCols<3>(world) * turn.transpose()).eval();
+    }
+    for (const bool goes_ahead : {false, true}) {
+      if (!is_possible(goes_ahead)) continue;
+      suppose(used_, {kFixCorrelatedShare, kFixCorrelation_s}, goes_ahead);
+      filters_[used_].start(stamp_ns, turned, imu_, ages);
+      filters_[used_++].set_log_likelihood(goes_ahead ? kGoesAheadLog : 0.0);
+    }
+  }
+}
+
+/// Where nothing showed the yaw: all but that is known better than at the start, and kept.
+void GpsIns::try_yaws_anew() {
+  const std::size_t first = best();
+  Estimate<GpsInsState> about = filters_[first].estimate();
+  const Eigen::Vector3d up_body = about.x.motion.q_world_imu.conjugate() * Eigen::Vector3d::UnitZ();
+  const Eigen::Matrix3d level = Eigen::Matrix3d::Identity() - up_body * up_body.transpose();
+  about.P.middleRows<3>(kAttitude) = (level * about.P.middleRows<3>(kAttitude)).eval();
+  about.P.middleCols<3>(kAttitude) = (about.P.middleCols<3>(kAttitude) * level).eval();
+  about.P.block<3, 3>(kAttitude, kAttitude) += kYawSigma_rad * kYawSigma_rad * up_body * up_body.transpose();
+  try_yaws(filters_[first].stamp_ns(), about);
+}
+
 bool GpsIns::try_start() {
   GpsInsMeasurement* const fix = first_fix();
   if (fix == nullptr) return false;
@@ -199,18 +241,10 @@ bool GpsIns::try_start() {
   const double sine = axis.norm();
   const Eigen::Quaterniond level =
       exp_so3(sine > 0.0 ? Eigen::Vector3d(std::atan2(sine, up.z()) / sine * axis) : Eigen::Vector3d::Zero());
-  const double yaw_now = yaw_of(level);
-  used_ = kYaws;
-  for (int i = 0; i < kYaws; ++i) {
-    const double yaw = 2.0 * kPi * i / kYaws - yaw_now;
-    start.x.motion.q_world_imu = Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitZ()) * level;
-    start.x.motion.position_world_m = fix->value - start.x.motion.q_world_imu * model_.antenna_imu_m;
-    const auto place = static_cast<std::size_t>(i);
-    fix_noises_[place] = {kFixCorrelatedShare, kFixCorrelation_s};
-    filters_[place].set_fix_noise(fix_noises_[place]);
-    // The fix itself is the first measurement; all before it are left out.
-    filters_[place].start(fix->stamp_ns - 1, start, imu_);
-  }
+  start.x.motion.q_world_imu = level;
+  start.x.motion.position_world_m = fix->value - level * model_.antenna_imu_m;
+  // The fix itself is the first measurement; all before it are left out.
+  try_yaws(fix->stamp_ns - 1, start);
   for (GpsInsMeasurement* before = measurements_.data(); before <= fix; ++before) before->is_counted = true;
   phase_ = Phase::kAligning;
   reason_ = kNoYaw;

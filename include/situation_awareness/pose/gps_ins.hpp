@@ -70,6 +70,13 @@ struct GeodeticFix {
   bool has_altitude = true;  ///< false: that of the position is a guess, of the variance that the covariance has
 };
 
+/// The velocity of a receiver's antenna in the world, as it is measured by the Doppler shift.
+struct AntennaVelocity {
+  std::int64_t stamp_ns = 0;
+  Eigen::Vector3d world_m_s = Eigen::Vector3d::Zero();
+  Eigen::Matrix3d covariance_m2_s2 = Eigen::Matrix3d::Zero();
+};
+
 /// Pose, velocity and what is known of them.
 struct GpsInsPose {
   std::int64_t stamp_ns = 0;
@@ -112,6 +119,9 @@ class GpsIns {
   void add_position(std::int64_t stamp_ns, const Eigen::Vector3d& antenna_world_m,
                     const Eigen::Matrix3d& covariance_m2);
 
+  /// How much older a velocity is than its stamp is learned. Counts what is dropped as for fixes: "velocity ...", and
+  /// "climb outside its gate" of the part upwards.
+  void add_velocity(const AntennaVelocity& velocity);
   /// The height of the IMU in the world (m), such as a barometer's.
   void add_altitude(std::int64_t stamp_ns, double altitude_world_m, double sigma_m);
   /// Yaw of the base in the world (rad, from east to north), such as a magnetometer's.
@@ -144,7 +154,9 @@ class GpsIns {
   std::int64_t stamp_ns() const { return imu_.empty() ? StampOrder::kNone : imu_.latest().stamp_ns; }
   /// How fixes are correlated in time, by the likeliest filter.
   FixNoise fix_noise() const;
-  /// Densities of the IMU's noise as measured, m/s^2/sqrt(Hz) and rad/s/sqrt(Hz).
+  /// How much older velocities are than their stamps (s), in the plane and upwards, by the likeliest filter.
+  Eigen::Vector2d velocity_age() const;
+  /// Densities of the IMU's noise as measured, m/s^2/sqrt(Hz) and rad/s/sqrt(Hz), root mean square of the axes.
   Eigen::Vector2d imu_noise() const;
   const Counters& counters() const { return counters_; }
   NisMonitor& nis(GpsInsSensor sensor) { return monitors_[static_cast<std::size_t>(sensor)]; }
@@ -176,6 +188,7 @@ class GpsIns {
                     bool is_level);
   bool has_jumped(std::int64_t stamp_ns, double height_m, double variance_m2);
   void add(const GpsInsMeasurement& measurement, const char* too_late, const char* ahead);
+  bool keep(const GpsInsMeasurement& measurement, const char* too_late, const char* ahead);
   void add_number(GpsInsSensor sensor, std::int64_t stamp_ns, double value, double sigma, const Number& number);
   /// Those of the estimate where it is ready, else those that it will start with.
   std::optional<Biases> known_biases() const;
@@ -186,12 +199,17 @@ class GpsIns {
   bool try_start();
   void align();
   void align_anew();
+  void try_yaws(std::int64_t stamp_ns, const Estimate<GpsInsState>& about);
+  void try_yaws_anew();
+  bool is_possible(bool goes_ahead) const;
+  void suppose(std::size_t filter, const FixNoise& fix_noise, bool goes_ahead);
+  double log_likelihood_of(bool goes_ahead) const;
   void watch_yaw();
   void widen_by_misfit();
   /// Of the yaws of the filters about the best one's.
   double yaw_variance(bool with_their_own) const;
-  /// Counts why not.
-  bool is_usable(const Eigen::Matrix3d& covariance_m2);
+  /// Counts why not, of what is called `noun`.
+  bool is_usable(const Eigen::Matrix3d& covariance, double most_sigma, const std::string& noun);
   /// Whether there were any.
   bool count_verdicts();
   std::size_t best() const;
@@ -208,6 +226,7 @@ class GpsIns {
   std::vector<GpsInsFilter> filters_;
   std::vector<std::vector<GpsInsVerdict>> verdicts_;  ///< of each filter on each measurement
   std::vector<FixNoise> fix_noises_;                  ///< of each filter
+  std::vector<char> goes_ahead_;                      ///< whether each filter supposes that it does
   std::size_t used_ = 0;                              ///< filters
   Phase phase_ = Phase::kLevelling;
   std::int64_t waiting_since_ns_ = StampOrder::kNone;

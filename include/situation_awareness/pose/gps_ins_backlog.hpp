@@ -2,7 +2,7 @@
 #pragma once
 
 #include <deque>
-#include <optional>
+#include <variant>
 #include <vector>
 
 #include "situation_awareness/common/stamp_order.hpp"
@@ -21,16 +21,14 @@ class GpsInsBacklog {
   /// To be called as those of GpsIns, until it is ready.
   void add_imu(const InertialSample& sample);
   void add_fix(const GeodeticFix& fix);
+  void add_velocity(const AntennaVelocity& velocity);
 
   /// Poses at the samples before `ready`, a pose that is, by stamps; the first ones may be missing. What was kept is
   /// given up.
   std::vector<GpsInsPose> take_poses(const GpsInsPose& ready, const GeodeticPosition& origin);
 
  private:
-  struct Entry {
-    std::optional<GeodeticFix> fix;  ///< else it is a sample
-    InertialSample sample;
-  };
+  using Entry = std::variant<InertialSample, GeodeticFix, AntennaVelocity>;
 
   GpsInsParams params_;
   GpsInsMounting mounting_;
