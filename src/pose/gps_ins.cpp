@@ -320,7 +320,6 @@ void GpsIns::align() {
 
   const std::int64_t stamp_ns = filters_[first].stamp_ns();
   const Estimate<GpsInsState> estimate = mixed(stamp_ns);
-  const VelocityAges ages = filters_[first].velocity_ages();
   if (vertical_variance(estimate.x.motion.q_world_imu, estimate.P) > limit) return;
   // Each way of going keeps the likelihood that its yaws have.
   const double slips_log = log_likelihood_of(false), goes_ahead_log = log_likelihood_of(true);
@@ -329,7 +328,7 @@ void GpsIns::align() {
     if (!is_possible(goes_ahead)) continue;
     for (const FixNoise& noise : kFixNoises) {
       suppose(used_, noise, goes_ahead);
-      filters_[used_].start(stamp_ns, estimate, imu_, ages, true);
+      filters_[used_].start(stamp_ns, estimate, imu_, true);
       filters_[used_++].set_log_likelihood(goes_ahead ? goes_ahead_log : slips_log);
     }
   }

@@ -88,6 +88,17 @@ void update_sparsely(Estimate<GpsInsState>& estimate, const Innovation<Size>& in
   estimate.x = Manifold<GpsInsState>::retract(estimate.x, e);
 }
 
+/// Learns a velocity's age from an innovation, of which S is the covariance but for that age:
+/// nu = -(true age - age) * acceleration + what S is of. It counts as `part` of an independent one.
+template <int Size>
+void learn(VelocityAge& age, const Eigen::Matrix<double, Size, 1>& nu, const Eigen::Matrix<double, Size, Size>& S,
+           const Eigen::Matrix<double, Size, 1>& acceleration_m_s2, double part) {
+  const Eigen::Matrix<double, Size, 1> weighted = S.inverse() * acceleration_m_s2;
+  const double variance = 1.0 / (1.0 / age.variance_s2 + part * weighted.dot(acceleration_m_s2));
+  age.age_s -= variance * part * weighted.dot(nu);
+  age.variance_s2 = std::max(variance, kLeastAgeSigma_s * kLeastAgeSigma_s);
+}
+
 Eigen::Vector3d mix(const Eigen::Vector3d& a, const Eigen::Vector3d& b, double part) { return a + part * (b - a); }
 
 }  // namespace
@@ -101,9 +112,8 @@ GpsInsFilter::GpsInsFilter(const GpsInsModel& model, const FixNoise& fix_noise, 
 }
 
 void GpsInsFilter::start(std::int64_t stamp_ns, const Estimate<GpsInsState>& estimate, const InertialHistory& imu,
-                         const VelocityAges& ages, bool is_yaw_known) {
+                         bool is_yaw_known) {
   now_ = Moment();
-  now_.ages = ages;
   now_.stamp_ns = stamp_ns;
   now_.sample = imu.last_until(stamp_ns);
   now_.estimate = estimate;
@@ -393,18 +403,6 @@ void GpsInsFilter::suppose_no_sideslip(Moment& moment) const {
   moment.log_likelihood = log_likelihood - (goes_back || !verdict.is_accepted ? 0.5 * gates_[1] : 0.0);
 }
 
-template <int Size>
-void VelocityAge::learn(const Eigen::Matrix<double, Size, 1>& nu, const Eigen::Matrix<double, Size, Size>& S,
-                        const Eigen::Matrix<double, Size, 1>& acceleration_m_s2, double since_s) {
-  // nu = -(true age - age) * acceleration + what S is of.
-  const Eigen::Matrix<double, Size, 1> weighted = S.inverse() * acceleration_m_s2;
-  const double part = std::min(since_s / kMotionCorrelation_s, 1.0);
-  const double least = kLeastAgeSigma_s * kLeastAgeSigma_s;
-  const double variance = 1.0 / (1.0 / variance_s2 + part * weighted.dot(acceleration_m_s2));
-  age_s -= variance * part * weighted.dot(nu);
-  variance_s2 = std::max(variance, least);
-}
-
 /// Its part in the plane (two numbers) or upwards (one).
 template <int Size>
 GpsInsVerdict GpsInsFilter::apply_velocity(Moment& moment, const GpsInsMeasurement& measurement,
@@ -423,9 +421,11 @@ GpsInsVerdict GpsInsFilter::apply_velocity(Moment& moment, const GpsInsMeasureme
              measurement.covariance.block<Size, Size>(kFirst, kFirst);
   R.diagonal() += H.template middleCols<3>(kGyroscopeBias).cwiseAbs2() * moment.rate_variance;
   const Matrix S = transformed(H, moment.estimate.P) + R;
-  const Matrix by_age = age.variance_s2 * acceleration_m_s2 * acceleration_m_s2.transpose();
+  // An error of the age stays: in a steady turn it is as one of the yaw, and gets no less by many velocities.
+  const double part = std::clamp(since_s / kMotionCorrelation_s, 1e-3, 1.0);
+  const Matrix by_age = age.variance_s2 / part * acceleration_m_s2 * acceleration_m_s2.transpose();
   const GpsInsVerdict verdict = correct<Size>(moment, nu, H, Matrix(R + by_age), Size);
-  if (verdict.is_accepted) age.learn<Size>(nu, S, acceleration_m_s2, since_s);
+  if (verdict.is_accepted && moment.is_yaw_known) learn<Size>(age, nu, S, acceleration_m_s2, part);
   age.stamp_ns = moment.stamp_ns;
   return verdict;
 }

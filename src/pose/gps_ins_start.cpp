@@ -197,7 +197,6 @@ void GpsIns::try_yaws(std::int64_t stamp_ns, const Estimate<GpsInsState>& about)
   const NavigationState& x = about.x.motion;
   const Eigen::Vector3d antenna_m = x.position_world_m + x.q_world_imu * model_.antenna_imu_m;
   const double yaw_now = yaw_of(x.q_world_imu);
-  const VelocityAges ages = used_ > 0 ? filters_[best()].velocity_ages() : VelocityAges();
   used_ = 0;
   for (int i = 0; i < kYaws; ++i) {
     const Eigen::Matrix3d turn = Eigen::AngleAxisd(2.0 * kPi * i / kYaws - yaw_now, Eigen::Vector3d::UnitZ()).matrix();
@@ -212,7 +211,7 @@ void GpsIns::try_yaws(std::int64_t stamp_ns, const Estimate<GpsInsState>& about)
     for (const bool goes_ahead : {false, true}) {
       if (!is_possible(goes_ahead)) continue;
       suppose(used_, {kFixCorrelatedShare, kFixCorrelation_s}, goes_ahead);
-      filters_[used_].start(stamp_ns, turned, imu_, ages);
+      filters_[used_].start(stamp_ns, turned, imu_);
       filters_[used_++].set_log_likelihood(goes_ahead ? kGoesAheadLog : 0.0);
     }
   }

@@ -73,11 +73,6 @@ struct VelocityAge {
   double age_s = 0.0;
   double variance_s2 = 0.04;  ///< of 0 to 0.3 s, as u-blox's receivers have it in the plane and upwards
   std::int64_t stamp_ns = 0;  ///< of the latest velocity
-
-  /// Learns it from an innovation, whose covariance S is without what is unknown of the age.
-  template <int Size>
-  void learn(const Eigen::Matrix<double, Size, 1>& nu, const Eigen::Matrix<double, Size, Size>& S,
-             const Eigen::Matrix<double, Size, 1>& acceleration_m_s2, double since_s);
 };
 
 using VelocityAges = std::array<VelocityAge, 2>;  ///< in the plane, upwards
@@ -117,7 +112,7 @@ class GpsInsFilter {
   /// Starts anew at a stamp, from when on there are samples; measurements up to then have been used. A yaw that is only
   /// tried is none that could stay known at rest.
   void start(std::int64_t stamp_ns, const Estimate<GpsInsState>& estimate, const InertialHistory& imu,
-             const VelocityAges& ages = {}, bool is_yaw_known = false);
+             bool is_yaw_known = false);
   /// Before a start. What goes where it heads does so to `sideslip_sigma_m_s`; 0: it need not.
   void suppose(const FixNoise& fix_noise, double sideslip_sigma_m_s) {
     fix_noise_ = fix_noise;
