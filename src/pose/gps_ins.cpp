@@ -261,11 +261,6 @@ double GpsIns::yaw_variance(bool with_their_own) const {
 
 FixNoise GpsIns::fix_noise() const { return fix_noises_[best()]; }
 
-Eigen::Vector2d GpsIns::velocity_age() const {
-  const VelocityAges& ages = filters_[best()].velocity_ages();
-  return {ages[0].age_s, ages[1].age_s};
-}
-
 Eigen::Vector2d GpsIns::imu_noise() const {
   if (imu_.empty()) return Eigen::Vector2d::Zero();
   return Eigen::Vector2d(imu_.latest().accelerometer_noise.norm(), imu_.latest().gyroscope_noise.norm()) /

@@ -51,10 +51,15 @@ constexpr double kShown = 0.5;
 /// The acceleration is smoothed over so long, of the order of the age of a receiver's velocity (s).
 constexpr double kAcceleration_s = 0.15;
 /// Errors of a receiver's velocity (multipath, its own smoothing) are alike for so long: those that come in it count as
-/// one. Those of the filter, by which the velocity's age is seen, are so for longer (s).
-constexpr double kVelocityCorrelation_s = 1.0, kMotionCorrelation_s = 5.0;
-/// A velocity's age is not known better than this: the smoothing is no mere delay (s).
-constexpr double kLeastAgeSigma_s = 0.01;
+/// one (s).
+constexpr double kVelocityCorrelation_s = 1.0;
+/// Receivers smooth velocities, and drivers stamp them with the fix that comes along: they are 0 to 0.3 s older than they
+/// say (u-blox: 0.13 s in the plane, 0.28 s upwards). In a steady turn that is as an error of the yaw, which gets no less
+/// by many velocities: those of one turn count as one (s).
+constexpr double kVelocityAge_s = 0.2, kAgeCorrelation_s = 20.0;
+/// Subtracted from the log-likelihood of a filter that supposes a way of going, and refuses a fix: it would else win by
+/// being more certain while all refuse.
+constexpr double kRefusedLog = 2.0;
 
 /// Where less than this share of a variance is left, Joseph's form is taken: the difference has lost half of its
 /// digits.
@@ -86,17 +91,6 @@ void update_sparsely(Estimate<GpsInsState>& estimate, const Innovation<Size>& in
   estimate.P.middleCols<3>(kAttitude) = columns;
   estimate.P = (0.5 * (estimate.P + estimate.P.transpose())).eval();
   estimate.x = Manifold<GpsInsState>::retract(estimate.x, e);
-}
-
-/// Learns a velocity's age from an innovation, of which S is the covariance but for that age:
-/// nu = -(true age - age) * acceleration + what S is of. It counts as `part` of an independent one.
-template <int Size>
-void learn(VelocityAge& age, const Eigen::Matrix<double, Size, 1>& nu, const Eigen::Matrix<double, Size, Size>& S,
-           const Eigen::Matrix<double, Size, 1>& acceleration_m_s2, double part) {
-  const Eigen::Matrix<double, Size, 1> weighted = S.inverse() * acceleration_m_s2;
-  const double variance = 1.0 / (1.0 / age.variance_s2 + part * weighted.dot(acceleration_m_s2));
-  age.age_s -= variance * part * weighted.dot(nu);
-  age.variance_s2 = std::max(variance, kLeastAgeSigma_s * kLeastAgeSigma_s);
 }
 
 Eigen::Vector3d mix(const Eigen::Vector3d& a, const Eigen::Vector3d& b, double part) { return a + part * (b - a); }
@@ -354,6 +348,7 @@ GpsInsVerdict GpsInsFilter::correct(Moment& moment, const Eigen::Matrix<double, 
   moment.log_likelihood += compared.log_likelihood + 0.5 * std::max(compared.mahalanobis2 - gate, 0.0);
   bool is_used = verdict.is_accepted;
   if constexpr (Size == 3) {  // a fix
+    if (!verdict.is_accepted && sideslip_sigma_m_s_ > 0.0) moment.log_likelihood -= kRefusedLog;
     const double since_s = seconds_between(moment.last_fix_ns, moment.stamp_ns);
     moment.last_fix_ns = moment.stamp_ns;
     if (since_s > kOutage_s) moment.outage_s = since_s;
@@ -406,28 +401,24 @@ void GpsInsFilter::suppose_no_sideslip(Moment& moment) const {
 /// Its part in the plane (two numbers) or upwards (one).
 template <int Size>
 GpsInsVerdict GpsInsFilter::apply_velocity(Moment& moment, const GpsInsMeasurement& measurement,
-                                           VelocityAge& age) const {
+                                           std::int64_t& last_ns) const {
   using Vector = Eigen::Matrix<double, Size, 1>;
   using Matrix = Eigen::Matrix<double, Size, Size>;
   constexpr int kFirst = Size == 2 ? 0 : 2;
   Eigen::Matrix<double, 3, 18> whole;
-  const Eigen::Vector3d now_m_s = measurement.value + age.age_s * moment.acceleration_m_s2;
-  const Vector nu = velocity_innovation(moment.estimate.x.motion, now_m_s, moment.rate_rad_s, model_.antenna_imu_m,
-                                        whole).template segment<Size>(kFirst);
+  const Vector nu = velocity_innovation(moment.estimate.x.motion, measurement.value, moment.rate_rad_s,
+                                        model_.antenna_imu_m, whole)
+                        .template segment<Size>(kFirst);
   const Eigen::Matrix<double, Size, 18> H = whole.middleRows<Size>(kFirst);
   const Vector acceleration_m_s2 = moment.acceleration_m_s2.segment<Size>(kFirst);
-  const double since_s = age.stamp_ns == 0 ? kMotionCorrelation_s : seconds_between(age.stamp_ns, moment.stamp_ns);
-  Matrix R = std::max(kVelocityCorrelation_s / std::max(since_s, 1e-3), 1.0) *
-             measurement.covariance.block<Size, Size>(kFirst, kFirst);
+  const double since_s = last_ns == 0 ? kAgeCorrelation_s : seconds_between(last_ns, moment.stamp_ns);
+  last_ns = moment.stamp_ns;
+  const auto as_one_in = [since_s](double time_s) { return std::max(time_s / std::max(since_s, 1e-3), 1.0); };
+  Matrix R = as_one_in(kVelocityCorrelation_s) * measurement.covariance.block<Size, Size>(kFirst, kFirst);
+  R += kVelocityAge_s * kVelocityAge_s * as_one_in(kAgeCorrelation_s) * acceleration_m_s2 *
+       acceleration_m_s2.transpose();
   R.diagonal() += H.template middleCols<3>(kGyroscopeBias).cwiseAbs2() * moment.rate_variance;
-  const Matrix S = transformed(H, moment.estimate.P) + R;
-  // An error of the age stays: in a steady turn it is as one of the yaw, and gets no less by many velocities.
-  const double part = std::clamp(since_s / kMotionCorrelation_s, 1e-3, 1.0);
-  const Matrix by_age = age.variance_s2 / part * acceleration_m_s2 * acceleration_m_s2.transpose();
-  const GpsInsVerdict verdict = correct<Size>(moment, nu, H, Matrix(R + by_age), Size);
-  if (verdict.is_accepted && moment.is_yaw_known) learn<Size>(age, nu, S, acceleration_m_s2, part);
-  age.stamp_ns = moment.stamp_ns;
-  return verdict;
+  return correct<Size>(moment, nu, H, R, Size);
 }
 
 GpsInsVerdict GpsInsFilter::apply(Moment& moment, const GpsInsMeasurement& measurement) const {
@@ -470,9 +461,9 @@ GpsInsVerdict GpsInsFilter::apply(Moment& moment, const GpsInsMeasurement& measu
                         Scalar(std::max(measurement.covariance(0, 0), known)), 1);
     }
     case GpsInsSensor::kVelocity:
-      return apply_velocity<2>(moment, measurement, moment.ages[0]);
+      return apply_velocity<2>(moment, measurement, moment.velocity_ns);
     case GpsInsSensor::kClimb:
-      return apply_velocity<1>(moment, measurement, moment.ages[1]);
+      return apply_velocity<1>(moment, measurement, moment.climb_ns);
     case GpsInsSensor::kOther:
       break;
   }

@@ -40,7 +40,8 @@ struct GpsInsParams {
     visit("fix_stamp_sigma_s", self.fix_stamp_sigma_s, Bounds{0.0, 1.0}, "s",
           "standard deviation of a fix's stamp against those of the IMU");
     visit("sideslip_sigma_m_s", self.sideslip_sigma_m_s, Bounds{0.0, 100.0}, "m/s",
-          "standard deviation of the velocity sideways of a vehicle that goes where it heads; 0: it need not (wind)");
+          "standard deviation of the velocity sideways of a vehicle that goes where it heads; 0: it need not (wind), and "
+          "whether it does is found out");
     visit("standing_turn_rad_s", self.standing_turn_rad_s, Bounds{1e-6, 0.1}, "rad/s",
           "largest rate of turn of a vehicle that stands, by which its yaw gets uncertain: least that the IMU shows; "
           "less where what it stands on does not turn");
@@ -119,7 +120,7 @@ class GpsIns {
   void add_position(std::int64_t stamp_ns, const Eigen::Vector3d& antenna_world_m,
                     const Eigen::Matrix3d& covariance_m2);
 
-  /// How much older a velocity is than its stamp is learned. Counts what is dropped as for fixes: "velocity ...", and
+  /// It may be up to 0.3 s older than its stamp says. Counts what is dropped as for fixes: "velocity ...", and
   /// "climb outside its gate" of the part upwards.
   void add_velocity(const AntennaVelocity& velocity);
   /// The height of the IMU in the world (m), such as a barometer's.
@@ -154,8 +155,6 @@ class GpsIns {
   std::int64_t stamp_ns() const { return imu_.empty() ? StampOrder::kNone : imu_.latest().stamp_ns; }
   /// How fixes are correlated in time, by the likeliest filter.
   FixNoise fix_noise() const;
-  /// How much older velocities are than their stamps (s), in the plane and upwards, by the likeliest filter.
-  Eigen::Vector2d velocity_age() const;
   /// Densities of the IMU's noise as measured, m/s^2/sqrt(Hz) and rad/s/sqrt(Hz), root mean square of the axes.
   Eigen::Vector2d imu_noise() const;
   const Counters& counters() const { return counters_; }

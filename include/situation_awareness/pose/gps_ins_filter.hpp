@@ -67,16 +67,6 @@ struct GpsInsVerdict {
   bool is_height_refused = false;  ///< of a fix that was accepted: in x and y alone
 };
 
-/// How much older a receiver's velocities are than their stamps: receivers smooth them, drivers stamp them with the fix
-/// that comes along. It shows itself where the velocity changes: v(t) = v_measured + age * acceleration.
-struct VelocityAge {
-  double age_s = 0.0;
-  double variance_s2 = 0.04;  ///< of 0 to 0.3 s, as u-blox's receivers have it in the plane and upwards
-  std::int64_t stamp_ns = 0;  ///< of the latest velocity
-};
-
-using VelocityAges = std::array<VelocityAge, 2>;  ///< in the plane, upwards
-
 /// Settings that all filters of a bank share.
 struct GpsInsModel {
   InertialNoiseParams noise;
@@ -144,7 +134,6 @@ class GpsInsFilter {
   std::int64_t oldest_ns() const;
   std::uint64_t oldest_sample() const { return moments_[first_].sample; }
   const GpsInsState& state() const { return now_.estimate.x; }
-  const VelocityAges& velocity_ages() const { return now_.ages; }
 
   double log_likelihood() const { return now_.log_likelihood; }
   void set_log_likelihood(double log_likelihood);
@@ -173,7 +162,7 @@ class GpsInsFilter {
     Eigen::Vector3d gyroscope_noise = Eigen::Vector3d::Zero();      ///< as measured
     Eigen::Vector3d rate_rad_s = Eigen::Vector3d::Zero();     ///< as measured
     Eigen::Vector3d acceleration_m_s2 = Eigen::Vector3d::Zero();  ///< in the world, smoothed
-    VelocityAges ages;
+    std::int64_t velocity_ns = 0, climb_ns = 0;  ///< when last one was measured
     double force_change_m_s2 = 0.0;                           ///< as measured
     Eigen::Vector3d rate_variance = Eigen::Vector3d::Zero();  ///< of its white noise, each axis
     bool is_yaw_known = false, stands = false;
@@ -210,7 +199,7 @@ class GpsInsFilter {
   void suppose_no_sideslip(Moment& moment) const;
   GpsInsVerdict apply(Moment& moment, const GpsInsMeasurement& measurement) const;
   template <int Size>
-  GpsInsVerdict apply_velocity(Moment& moment, const GpsInsMeasurement& measurement, VelocityAge& age) const;
+  GpsInsVerdict apply_velocity(Moment& moment, const GpsInsMeasurement& measurement, std::int64_t& last_ns) const;
   template <int Size>
   GpsInsVerdict correct(Moment& moment, const Eigen::Matrix<double, Size, 1>& nu,
                         const Eigen::Matrix<double, Size, 18>& H, const Eigen::Matrix<double, Size, Size>& R,
