@@ -270,7 +270,7 @@ covariance that says so; errors at all fixes of the recording from when on the p
 the first fix.
 """
 STARTS = """
-The recording begins at a time in the drive, with all its fixes: seconds until the pose is known, while the car drives.
+The recording begins at a time in the drive, with all fixes and velocities: seconds until the pose is known.
 Nothing but an acceleration, or a way on which it is seen to go where it heads, shows the yaw.
 """
 
@@ -281,8 +281,8 @@ def number(value, digits=2):
 
 def row(name, run, ends=False):
     of = run.ends if ends else run.score
-    return (name, str(of.count), number(of.position_m), number(of.worst_m), *(number(value) for value in run.score.nees),
-            number(math.degrees(run.score.yaw_rad)))
+    return (name, str(of.count), number(of.position_m), number(of.worst_m),
+            *(number(value) for value in run.score.nees), number(math.degrees(run.score.yaw_rad)))
 
 
 HEADER = ("", "n", "position, RMS m", "worst, m", "NEES of x", "y", "z", "yaw", "yaw, RMS deg")

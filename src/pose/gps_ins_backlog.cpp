@@ -87,8 +87,7 @@ std::vector<GpsInsPose> GpsInsBacklog::take_poses(const GpsInsPose& ready, const
     if (then == yaws.end()) continue;
     const double since_s = seconds_between(then->stamp_ns, ready.stamp_ns);
     const double drift = since_s * since_s * ready.twist_covariance(5, 5);
-    again.add_heading(fix.stamp_ns, then->yaw_rad,
-                      std::max(std::sqrt(yaw_variance + drift), kLeastYawSigma_rad));
+    again.add_heading(fix.stamp_ns, then->yaw_rad, std::max(std::sqrt(yaw_variance + drift), kLeastYawSigma_rad));
   }
   return poses;
 }

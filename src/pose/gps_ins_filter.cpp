@@ -53,9 +53,9 @@ constexpr double kAcceleration_s = 0.15;
 /// Errors of a receiver's velocity (multipath, its own smoothing) are alike for so long: those that come in it count as
 /// one (s).
 constexpr double kVelocityCorrelation_s = 1.0;
-/// Receivers smooth velocities, and drivers stamp them with the fix that comes along: they are 0 to 0.3 s older than they
-/// say (u-blox: 0.13 s in the plane, 0.28 s upwards). In a steady turn that is as an error of the yaw, which gets no less
-/// by many velocities: those of one turn count as one (s).
+/// Receivers smooth velocities, and drivers stamp them with the fix that comes along: they are 0 to 0.3 s older than
+/// they say (u-blox: 0.13 s in the plane, 0.28 s upwards). In a steady turn that is as an error of the yaw, which gets
+/// no less by many velocities: those of one turn count as one (s).
 constexpr double kVelocityAge_s = 0.2, kAgeCorrelation_s = 20.0;
 /// Subtracted from the log-likelihood of a filter that supposes a way of going, and refuses a fix: it would else win by
 /// being more certain while all refuse.
@@ -212,8 +212,9 @@ ErrorMatrix<GpsInsState> GpsInsFilter::predicted_covariance(const Moment& moment
   ErrorMatrix<GpsInsState> result = moved_covariance(P, motion, noise, fix_noise_.correlation_s);
   const double scale_m_s2 = kAccelerometerScaleSigma * moment.force_change_m_s2;
   const Eigen::Vector3d up_body = moment.estimate.x.motion.q_world_imu.conjugate() * Eigen::Vector3d::UnitZ();
-  result.block<3, 3>(kAccelerometerBias, kAccelerometerBias) +=
-      2.0 / InertialHistory::kForceChange_s * scale_m_s2 * scale_m_s2 * motion.duration_s * up_body * up_body.transpose();
+  result.block<3, 3>(kAccelerometerBias, kAccelerometerBias) += 2.0 / InertialHistory::kForceChange_s * scale_m_s2 *
+                                                                scale_m_s2 * motion.duration_s * up_body *
+                                                                up_body.transpose();
   result.topLeftCorner<6, 6>() += vertical_variance(q_before, P) * effect.left_out * effect.left_out.transpose();
   // At rest the walk about the vertical is measured.
   result.block<3, 3>(kGyroscopeBias, kGyroscopeBias) -=
@@ -406,9 +407,9 @@ GpsInsVerdict GpsInsFilter::apply_velocity(Moment& moment, const GpsInsMeasureme
   using Matrix = Eigen::Matrix<double, Size, Size>;
   constexpr int kFirst = Size == 2 ? 0 : 2;
   Eigen::Matrix<double, 3, 18> whole;
-  const Vector nu = velocity_innovation(moment.estimate.x.motion, measurement.value, moment.rate_rad_s,
-                                        model_.antenna_imu_m, whole)
-                        .template segment<Size>(kFirst);
+  const Vector nu =
+      velocity_innovation(moment.estimate.x.motion, measurement.value, moment.rate_rad_s, model_.antenna_imu_m, whole)
+          .template segment<Size>(kFirst);
   const Eigen::Matrix<double, Size, 18> H = whole.middleRows<Size>(kFirst);
   const Vector acceleration_m_s2 = moment.acceleration_m_s2.segment<Size>(kFirst);
   const double since_s = last_ns == 0 ? kAgeCorrelation_s : seconds_between(last_ns, moment.stamp_ns);

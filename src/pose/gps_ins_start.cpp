@@ -30,8 +30,8 @@ constexpr double kFixCorrelation_s = 20.0;
 /// rad. Standard deviation of each yaw that is tried: a third more than that of its part of the turn.
 constexpr double kYawSigma_rad = 0.075;
 
-/// Logarithm of how likely it is before anything was seen of it that a vehicle goes where it heads, against that it need
-/// not: not half as likely, since who knows it can say so.
+/// Logarithm of how likely it is before anything was seen of it that a vehicle goes where it heads, against that it
+/// need not: not half as likely, since who knows it can say so.
 constexpr double kGoesAheadLog = -1.0;
 /// Standing or moving steadily: largest rate of turn, and difference of the mean force of two halves of the window.
 constexpr double kMaxLevelRate_rad_s = 0.05;
@@ -191,8 +191,8 @@ Estimate<GpsInsState> GpsIns::start_at(const GpsInsMeasurement& fix, bool is_ste
   return start;
 }
 
-/// Starts filters with all yaws, turned from an estimate about the antenna. The yaw's error is not correlated there with
-/// others; it is that of each part of the turn.
+/// Starts filters with all yaws, turned from an estimate about the antenna. The yaw's error is not correlated there
+/// with others; it is that of each part of the turn.
 void GpsIns::try_yaws(std::int64_t stamp_ns, const Estimate<GpsInsState>& about) {
   const NavigationState& x = about.x.motion;
   const Eigen::Vector3d antenna_m = x.position_world_m + x.q_world_imu * model_.antenna_imu_m;

@@ -43,7 +43,8 @@ InertialInput::InertialInput(Context& context, const GpsInsNodeletParams& params
   context.on_arrival([this](const auto& msg, const ros::SteadyTime& arrival) { take(msg, arrival); },
                      [this] { return scans_.waiting(); });
   context.when_made([this] {
-    const auto subscribe = [this](auto& subscriber, const std::string& topic, std::uint64_t& received, const auto& use) {
+    const auto subscribe = [this](auto& subscriber, const std::string& topic, std::uint64_t& received,
+                                  const auto& use) {
       subscriber.emplace(context_.node(), topic, [this, topic, &received, use](const auto& msg, const auto&) {
         ++received;
         add(*msg, topic, use);

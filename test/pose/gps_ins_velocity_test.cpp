@@ -72,9 +72,10 @@ TEST(GpsInsVelocity, AnOldOneIsNotBelievedTooMuch) {
         ASSERT_TRUE(pose.is_ready);
         const double yaw = wrap_to_pi(base_yaw(run.T_world_base()) - base_yaw(pose.T_world_base));
         yaw_nees += yaw * yaw / yaw_variance(pose);
-        const Eigen::Vector3d v_base = flight.velocity(run.time_s()) -
-                                       flight.attitude(run.time_s()) * flight.angular_velocity_body(run.time_s())
-                                                                           .cross(mounting().T_base_imu.translation());
+        const Eigen::Vector3d v_base =
+            flight.velocity(run.time_s()) -
+            flight.attitude(run.time_s()) *
+                flight.angular_velocity_body(run.time_s()).cross(mounting().T_base_imu.translation());
         const Eigen::Vector3d e = v_base - pose.velocity_world_m_s;
         velocity_nees += mahalanobis2(e, pose.velocity_covariance);
         count += 1.0;

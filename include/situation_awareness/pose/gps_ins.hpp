@@ -39,9 +39,10 @@ struct GpsInsParams {
           "standard deviation added to that of each fix, each axis");
     visit("fix_stamp_sigma_s", self.fix_stamp_sigma_s, Bounds{0.0, 1.0}, "s",
           "standard deviation of a fix's stamp against those of the IMU");
-    visit("sideslip_sigma_m_s", self.sideslip_sigma_m_s, Bounds{0.0, 100.0}, "m/s",
-          "standard deviation of the velocity sideways of a vehicle that goes where it heads; 0: it need not (wind), and "
-          "whether it does is found out");
+    visit(
+        "sideslip_sigma_m_s", self.sideslip_sigma_m_s, Bounds{0.0, 100.0}, "m/s",
+        "standard deviation of the velocity sideways of a vehicle that goes where it heads; 0: it need not (wind), and "
+        "whether it does is found out");
     visit("standing_turn_rad_s", self.standing_turn_rad_s, Bounds{1e-6, 0.1}, "rad/s",
           "largest rate of turn of a vehicle that stands, by which its yaw gets uncertain: least that the IMU shows; "
           "less where what it stands on does not turn");

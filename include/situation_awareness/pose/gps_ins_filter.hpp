@@ -160,11 +160,11 @@ class GpsInsFilter {
     MotionJacobian motion;
     Eigen::Vector3d accelerometer_noise = Eigen::Vector3d::Zero();  ///< as measured
     Eigen::Vector3d gyroscope_noise = Eigen::Vector3d::Zero();      ///< as measured
-    Eigen::Vector3d rate_rad_s = Eigen::Vector3d::Zero();     ///< as measured
-    Eigen::Vector3d acceleration_m_s2 = Eigen::Vector3d::Zero();  ///< in the world, smoothed
-    std::int64_t velocity_ns = 0, climb_ns = 0;  ///< when last one was measured
-    double force_change_m_s2 = 0.0;                           ///< as measured
-    Eigen::Vector3d rate_variance = Eigen::Vector3d::Zero();  ///< of its white noise, each axis
+    Eigen::Vector3d rate_rad_s = Eigen::Vector3d::Zero();           ///< as measured
+    Eigen::Vector3d acceleration_m_s2 = Eigen::Vector3d::Zero();    ///< in the world, smoothed
+    std::int64_t velocity_ns = 0, climb_ns = 0;                     ///< when last one was measured
+    double force_change_m_s2 = 0.0;                                 ///< as measured
+    Eigen::Vector3d rate_variance = Eigen::Vector3d::Zero();        ///< of its white noise, each axis
     bool is_yaw_known = false, stands = false;
     double stood_s = 0.0;  ///< of `motion`
     double log_likelihood = 0.0;

@@ -21,7 +21,7 @@ class InertialHistory {
   struct Entry : InertialSample {
     Eigen::Vector3d accelerometer_noise = Eigen::Vector3d::Zero();  ///< m/s^2/sqrt(Hz), each axis
     Eigen::Vector3d gyroscope_noise = Eigen::Vector3d::Zero();      ///< rad/s/sqrt(Hz)
-    double force_change_m_s2 = 0.0;    ///< root mean square of the force about its mean, over some seconds
+    double force_change_m_s2 = 0.0;  ///< root mean square of the force about its mean, over some seconds
     /// At the end of a block of kBlock_s: whether its means and those of the block before are those of something that
     /// may stand, the mean of the rate, and what that differs by from the one before.
     bool ends_block = false, may_stand = false;
@@ -71,8 +71,8 @@ class InertialHistory {
     int count = 0;   ///< samples of the present one
     int whole = 0;   ///< blocks until now, 2 at most
     Eigen::Matrix<double, 6, 1> sum = Eigen::Matrix<double, 6, 1>::Zero(), last = sum, last_but_one = sum;
-    double duration_s = 0.0;                               ///< that the densities are of
-    Eigen::Matrix<double, 6, 1> densities = sum;           ///< squared, of force and rate
+    double duration_s = 0.0;                      ///< that the densities are of
+    Eigen::Matrix<double, 6, 1> densities = sum;  ///< squared, of force and rate
     void add(const InertialSample& sample, double period_s);
   };
   std::array<Blocks, 3> blocks_;

@@ -96,8 +96,8 @@ struct InertialNoiseParams {
 
 /// Densities of the noise that is reckoned with, axes of the base: what shakes does so more about some of them.
 struct InertialNoise {
-  Eigen::Vector3d accelerometer, gyroscope;                 ///< m/s^2/sqrt(Hz), rad/s/sqrt(Hz)
-  double accelerometer_bias_walk, gyroscope_bias_walk;      ///< as InertialNoiseParams
+  Eigen::Vector3d accelerometer, gyroscope;             ///< m/s^2/sqrt(Hz), rad/s/sqrt(Hz)
+  double accelerometer_bias_walk, gyroscope_bias_walk;  ///< as InertialNoiseParams
 
   InertialNoise(const InertialNoiseParams& params)  // NOLINT(google-explicit-constructor): the same for all axes
       : accelerometer(Eigen::Vector3d::Constant(params.accelerometer_noise)),

@@ -29,8 +29,8 @@ namespace situation_awareness {
 /// kBacklog_s.
 ///
 /// What is made of the messages does not depend on when fixes and velocities arrive among the samples, if it is within
-/// kPatience_s of their stamps: samples are used at once, and each of the others when the samples are so far after it. Samples that come before
-/// it is known where the sensors are wait for that.
+/// kPatience_s of their stamps: samples are used at once, and each of the others when the samples are so far after it.
+/// Samples that come before it is known where the sensors are wait for that.
 class InertialNavigation {
  public:
   /// The time before the pose was ready of which there are poses.

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// imu, fix, fix_velocity or fix_twist, altitude, heading, TF base -> imu and antenna  ->  odometry, pose, TF world -> base
+// imu, fix, fix_velocity or fix_twist, altitude, heading, TF base -> imu and antenna  ->  odometry, pose, TF world ->
+// base
 #include <algorithm>
 #include <cstdint>
 #include <exception>

@@ -9,6 +9,7 @@
 
 #include "command_line.hpp"
 #include "situation_awareness/common/json.hpp"
+#include "situation_awareness/common/params.hpp"
 #include "situation_awareness/common/params_yaml.hpp"
 #include "situation_awareness/common/time.hpp"
 #include "situation_awareness/pose/gps_ins.hpp"
@@ -67,7 +68,10 @@ std::string line_of(const GpsInsPose& pose) {
 
 int gps_ins_bag(const Options& options) {
   const std::string path = config_path(options.bag, kConfig);
-  const auto params = params_from_yaml<Params>(read_text_file(path), path);
+  const OnUnknownKey warn_of_own = [](const UnknownKey& key) {
+    if (key.path.rfind("gps_ins", 0) == 0) print_warning(key);
+  };
+  const auto params = params_from_yaml<Params>(read_text_file(path), path, warn_of_own);
   BagPlayer player(options.bag, {options.base_frame, true});
   BagNavigation navigation(kName, player, options.bag, options.navigation, options.base_frame, params.gps_ins, 0.0);
   LineFile out(options.out);

@@ -15,8 +15,8 @@ namespace situation_awareness {
 /// digits of its nanoseconds, which a double cannot represent.
 std::string json_line(std::int64_t stamp_ns, const Json& rest);
 
-/// {"x", "y", "z", "roll", "pitch", "yaw", "covariance"} in m and rad, R = Rz(yaw) Ry(pitch) Rx(roll); the covariance is
-/// that of the position and of the attitude's error in the base, row by row.
+/// {"x", "y", "z", "roll", "pitch", "yaw", "covariance"} in m and rad, R = Rz(yaw) Ry(pitch) Rx(roll); the covariance
+/// is that of the position and of the attitude's error in the base, row by row.
 Json json_of_pose(const Eigen::Isometry3d& T_world_base, const Eigen::Matrix<double, 6, 6>& covariance);
 
 }  // namespace situation_awareness

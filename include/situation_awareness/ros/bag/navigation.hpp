@@ -28,7 +28,7 @@ namespace situation_awareness {
 struct NavigationOptions {
   std::string imu_topic = "/imu", fix_topic = "/fix";
   std::string velocity_topic;  ///< of the receiver; empty: none
-  std::string origin;  ///< of the world, as text; empty: the first good fix
+  std::string origin;          ///< of the world, as text; empty: the first good fix
 };
 
 /// --imu-topic, --fix-topic, --velocity-topic and --origin.
