@@ -21,8 +21,7 @@ constexpr double kVerticalRatio = 2.0;
 /// m. Standard deviation of the altitude of a fix that has none: receivers hold the one before, and roads climb.
 constexpr double kNoAltitudeSigma_m = 50.0;
 /// m/s. Standard deviation of the velocity along east and along north where none is told: receivers' data sheets have
-/// 0.05 to 0.1 with a free sky, three times that is usual between houses. Twice it is as good as half on the drive of
-/// docs/math/gps_ins.md.
+/// 0.05 to 0.1 under a free sky. Its sensitivity was not measured.
 constexpr double kVelocitySigma_m_s = 0.3;
 /// Beyond what sensors of vehicles measure (200 g, 4000 deg/s) by far.
 constexpr double kMaxForce_m_s2 = 1e4;

@@ -69,13 +69,13 @@ void InertialInput::take(const sensor_msgs::LaserScanConstPtr& msg, const ros::S
   release_waiting_();
 }
 
-template <class Message, class Add>
-void InertialInput::add(const Message& msg, const std::string& topic, const Add& add) {
+template <class Message, class Use>
+void InertialInput::add(const Message& msg, const std::string& topic, const Use& use) {
   try {
     if (is_ahead_of_clock(msg.header.stamp, max_stamp_ahead_s_)) {
       return refusals_.add(topic + ": " + drop_reason::kAheadOfClock);
     }
-    add(msg);
+    use(msg);
   } catch (const std::exception& error) {
     refusals_.add(topic + ": error", error.what());
   }

@@ -63,8 +63,8 @@ class InertialInput {
  private:
   void take(const sensor_msgs::LaserScanConstPtr& msg, const ros::SteadyTime& arrival);
   /// Counts why a message of a topic is not used.
-  template <class Message, class Add>
-  void add(const Message& msg, const std::string& topic, const Add& add);
+  template <class Message, class Use>
+  void add(const Message& msg, const std::string& topic, const Use& use);
   void add_imu(const sensor_msgs::Imu& msg);
   void release();
   std::pair<std::string, std::string> why_no_pose() const;
