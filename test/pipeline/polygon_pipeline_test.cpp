@@ -115,7 +115,7 @@ class Room {
  private:
   static PolygonPipelineParams params() {
     PolygonPipelineParams params = shipped();
-    params.polygons.park_s = params.polygons.confirm_s;
+    params.polygons.park_s = 0.0;
     return params;
   }
 

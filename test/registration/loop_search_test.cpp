@@ -34,7 +34,7 @@ PolygonMapParams params() {
   params.gate_m = 0.3;
   params.max_gap_m = 1.0;
   params.pass_margin_m = 0.2;
-  params.confirm_hits = 4;
+  params.confirmation_probability = 0.87;
   params.tolerance_m = 0.03;
   params.max_pose_sigma_m = 10.0;
   return params;

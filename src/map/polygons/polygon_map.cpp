@@ -16,7 +16,8 @@ namespace {
 
 // Where no source is named, none is recorded; the sensitivity of these was not measured.
 
-/// s. After a longer gap between scans nothing is known of what was watched.
+/// s. After a longer gap between scans nothing is known of what was watched, and no more time counts for what was hit
+/// before and after it.
 constexpr double kAbsence_s = 2.0;
 
 /// Cosine between the normals of a hit and of the element it is on, at least.
@@ -45,11 +46,13 @@ constexpr double kTurnGain = 0.02;
 /// much it changes with a hit, at least.
 constexpr double kInside = 0.9;
 constexpr double kExtentStep_m = 0.001;
-/// Log-odds of existence: of the first hit, and of each other hit.
+/// s. Looks at a place tell the more the longer they are apart, and are independent after so long. So what is seen in a
+/// second tells the same whether a scanner looks 4 or 40 times, and a scan after a pause tells no more than one look.
+constexpr double kLook_s = 0.25;
+/// Log-odds of existence: of the first hit, and of a hit in each other independent look. A look that passes takes about
+/// as much with the default of removal_s: what is hit in less than about half of the looks at it goes.
 constexpr double kFirstHit = 1.0;
-constexpr double kHit = 0.3;
-/// s. Longest time between scans for which passing beams count.
-constexpr double kMaxStep_s = 0.25;
+constexpr double kHitLook = 1.5;
 /// m^2. Of a hit across its edge, at least and at most: both can be squared, and the map that is saved be loaded.
 constexpr double kLeastHit_m2 = 1e-11, kMostHit_m2 = 1e8;
 /// Scans that are remembered to tell what was free, and the time between them.
@@ -65,8 +68,6 @@ constexpr double kLeft_m = 0.05;
 constexpr double kNearWatched_m = 0.12;
 /// Elements nearer to each other along the boundary, as a part of their spacing, are one.
 constexpr double kSamePlace = 0.4;
-/// s. An element that was never confirmed is forgotten after so long without a hit.
-constexpr double kForgotten_s = 10.0;
 /// From one element to another one, along the boundary.
 double between_m(const Surfel& from, const Surfel& to) { return from.along_world().dot(to.p_world_m - from.p_world_m); }
 
@@ -79,8 +80,7 @@ Surfels::Index known_at(const Surfels& surfels, Surfels::Index later, const Poly
   Surfels::Index right = Surfels::kNone, left = Surfels::kNone;
   double right_m = kFilled * params.spacing_m, left_m = right_m;
   surfels.for_each_near(own.p_world_m, left_m, [&](Surfels::Index i, const Surfel& surfel) {
-    const bool was_known =
-        surfel.confirmed && seconds_between(surfel.first_seen_ns, own.first_seen_ns) > params.confirm_s;
+    const bool was_known = surfel.confirmed && seconds_between(surfel.first_seen_ns, own.first_seen_ns) > kLook_s;
     if (i == later || !was_known || surfel.normal_world.dot(own.normal_world) < kOneSurface) return;
     const double across_m = surfel.normal_world.dot(own.p_world_m - surfel.p_world_m);
     if (std::abs(across_m) > kGateSigmas * std::sqrt(surfel.variance_m2 + own.variance_m2)) return;
@@ -101,6 +101,8 @@ PolygonMap::PolygonMap(const PolygonMapParams& params)
                MapChains::tile_m(params.spacing_m, params.max_gap_m)),
       chains_(params.spacing_m, params.max_gap_m, params.tolerance_m),
       now_(2.0 * params.spacing_m, params.pass_margin_m) {
+  confirmation_log_odds_ = std::log(params_.confirmation_probability / (1.0 - params_.confirmation_probability));
+  look_ns_.fill(std::numeric_limits<std::int64_t>::min());
   watches_.resize(kWatches);
   for (std::vector<Index>* list : {&given_up_, &unsettled_, &passed_}) list->reserve(kUsualRoom);
 }
@@ -108,7 +110,9 @@ PolygonMap::PolygonMap(const PolygonMapParams& params)
 void PolygonMap::begin_anew(std::int64_t stamp_ns, std::uint64_t next_id) {
   stamp_ns_ = made_ns_ = stamp_ns;
   waited_s_ = 0.0;
-  next_watch_ = 0;
+  next_watch_ = next_look_ = 0;
+  looks_ = 0.0;
+  look_ns_.fill(std::numeric_limits<std::int64_t>::min());
   std::fill(watches_.begin(), watches_.end(), ScanView());
   unsettled_.clear();
   surfels_.clear();
@@ -269,10 +273,21 @@ void PolygonMap::correct(Index index, const Eigen::Vector2d& p_world_m, const Ei
   chains_.touch(index);
 }
 
+/// What the latest scan tells, in independent looks.
+double PolygonMap::looks() const { return std::min(step_s_ / kLook_s, 1.0); }
+
+void PolygonMap::count_look() {
+  looks_ += looks();
+  if (looks_ < 1.0) return;
+  looks_ -= 1.0;
+  look_ns_[next_look_] = stamp_ns_;
+  next_look_ = (next_look_ + 1) % look_ns_.size();
+}
+
 /// That the latest scan hit it.
 void PolygonMap::see(Surfel& surfel, bool of_surface) const {
   if (surfel.last_seen_ns == stamp_ns_) return;
-  surfel.log_odds = std::min(surfel.log_odds + kHit, Surfel::kMostLogOdds);
+  surfel.log_odds = std::min(surfel.log_odds + kHitLook * looks(), Surfel::kMostLogOdds);
   if (of_surface) surfel.seen_s += step_s_;
   surfel.last_seen_ns = stamp_ns_;
 }
@@ -321,11 +336,11 @@ void PolygonMap::remember() {
 /// Elements whose place beams have passed lose existence, hidden ones never. Beams reach those near the sensor only;
 /// elsewhere only those have to be looked at that do not stay by themselves.
 void PolygonMap::see_through(PolygonMapUpdate& update) {
-  const double rate = std::min(step_s_, kMaxStep_s) * Surfel::kMostLogOdds / params_.removal_s;
+  const double rate = looks() * kLook_s * Surfel::kMostLogOdds / params_.removal_s;
   const Eigen::Matrix2d R_level_world = now_.T_level_world().rotation();
   passed_.clear();
   const auto is_forgotten = [&](const Surfel& surfel) {
-    return !surfel.confirmed && seconds_between(surfel.last_seen_ns, stamp_ns_) > kForgotten_s;
+    return !surfel.confirmed && surfel.last_seen_ns < look_ns_[next_look_];
   };
   surfels_.for_each_tile(inverse(now_.T_level_world()).translation_m, now_.most_m(), [&](Surfels::Tile tile) {
     if (now_.is_hidden(surfels_.middle_world_m(tile), surfels_.tile_radius_m(), most_extent_m_)) return;
@@ -404,14 +419,13 @@ void PolygonMap::fuse_hits(const Polylines& polylines, const Eigen::Matrix3d& po
   report.fused = static_cast<int>(polylines.hits.size()) - report.on_movers - report.created;
 }
 
-/// Those elements that the scan hit and that were hit often and long enough.
+/// Those elements that the scan hit and that surely exist.
 void PolygonMap::confirm_hit() {
   for (const Index index : of_hit_) {
     if (index == kNone) continue;
     Surfel& surfel = surfels_[index];
     if (!surfel.alive || surfel.confirmed) continue;
-    const double age_s = surfel.watched ? surfel.seen_s : seconds_between(surfel.first_seen_ns, stamp_ns_);
-    if (surfel.hits < params_.confirm_hits || age_s < (surfel.watched ? params_.park_s : params_.confirm_s)) continue;
+    if (surfel.log_odds < confirmation_log_odds_ || (surfel.watched && surfel.seen_s < params_.park_s)) continue;
     const Index known = known_at(surfels_, index, params_);
     surfel.confirmed = known == kNone;
     if (known != kNone) merge_double(known, index);
@@ -432,8 +446,9 @@ PolygonMapUpdate PolygonMap::update(const Polylines& polylines, const Eigen::Mat
   stamp_ns_ = polylines.stamp_ns;
   if (step_s_ > kAbsence_s) {
     for (ScanView& watch : watches_) watch.forget();
-    step_s_ = 0.0;
+    step_s_ = kAbsence_s;
   }
+  count_look();
   const double pose_variance_m2 = std::max(pose_covariance(0, 0), pose_covariance(1, 1));
   if (pose_variance_m2 > params_.max_pose_sigma_m * params_.max_pose_sigma_m ||
       pose_covariance(2, 2) > params_.max_pose_sigma_rad * params_.max_pose_sigma_rad) {

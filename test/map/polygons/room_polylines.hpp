@@ -43,11 +43,14 @@ class RoomPolylines {
   }
 
   void set_stamp(std::int64_t stamp_ns) { stamp_ns_ = stamp_ns; }
+  /// Of the scans from the next one on. How fast the place moves stays.
+  void set_period(std::int64_t period_ns) { period_ns_ = period_ns; }
   std::int64_t stamp_ns() const { return stamp_ns_; }
 
   /// Of the next scan.
   Polylines next() {
-    const double t_s = 0.04 * scans_++;
+    const double t_s = 1e-9 * static_cast<double>(time_ns_);
+    time_ns_ += period_ns_;
     const Pose2 T_world_level{{0.3 + 0.1 * t_s, 0.2 - 0.05 * t_s}, 0.1 * t_s};
     LevelScene scene;
     scene.angle_min_rad = from_rad_;
@@ -62,7 +65,7 @@ class RoomPolylines {
     Points points = project_horizontally(scan, Eigen::Isometry3d::Identity());
     points.T_world_level = T_world_level;
     points.height_world_m = 0.25;
-    stamp_ns_ += kPeriod_ns;
+    stamp_ns_ += period_ns_;
     return extract_polylines(segment(points, {}), {});
   }
 
@@ -79,7 +82,7 @@ class RoomPolylines {
   std::vector<LevelScene::Wall> walls_;
   double from_rad_ = -kPi;
   int beams_ = 720;
-  int scans_ = 0;
+  std::int64_t period_ns_ = kPeriod_ns, time_ns_ = 0;  ///< time since the first scan, without pauses
 };
 
 }  // namespace situation_awareness
