@@ -118,14 +118,15 @@ CONVENTIONS = {
 }
 
 
-def scan_message(caster, scanner, convention, t_s, chance):
-    count = scanner.beams - (int(chance.integers(0, 4)) if convention.varying else 0)
+def scan_message(caster, scanner, convention, t_s, noise, counts):
+    """`noise`, `counts`: generators, so that conventions differ in nothing but what they say."""
+    count = scanner.beams - (int(counts.integers(0, 4)) if convention.varying else 0)
     increment = math.radians(scanner.field_deg) / scanner.beams
     bearings = -0.5 * math.radians(scanner.field_deg) + increment * np.arange(count)
     between_s = scanner.sweep / scanner.rate_hz / scanner.beams
     order = np.arange(count)[::-1] if convention.backwards else np.arange(count)
     ranges = measured_m(caster, t_s + between_s * order, bearings)
-    ranges = ranges + chance.normal(0.0, scanner.sigma_m, count)
+    ranges = ranges + noise.normal(0.0, scanner.sigma_m, scanner.beams)[:count]
     nothing = scanner.range_m if convention.nothing == RANGE_MAX else convention.nothing
     ranges = np.where(ranges < scanner.range_m, ranges, nothing)
     message = LaserScan()
@@ -138,11 +139,11 @@ def scan_message(caster, scanner, convention, t_s, chance):
 
 
 def write_scans(path, scanner, convention):
-    caster, chance = Caster(list(things())), np.random.default_rng(1)
+    caster, noise, counts = Caster(list(things())), np.random.default_rng(1), np.random.default_rng(2)
     with rosbag.Bag(str(path), "w") as bag:
         write_motion(bag)
         for t_s in np.arange(0.0, SECONDS, 1.0 / scanner.rate_hz):
-            message, at_s = scan_message(caster, scanner, convention, t_s, chance)
+            message, at_s = scan_message(caster, scanner, convention, t_s, noise, counts)
             bag.write("/scan", message, stamp(at_s))
 
 
