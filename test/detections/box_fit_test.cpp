@@ -124,6 +124,39 @@ TEST(BoxFit, AKnownBoxIsAsLongAsItsHitsShow) {
   }
 }
 
+/// The box with corners of this radius.
+LevelScene rounded_scene_of(const Box& box, double radius_m) {
+  LevelScene scene = scene_of(box);
+  scene.walls.erase(scene.walls.begin(), scene.walls.begin() + 4);
+  const Eigen::Rotation2Dd turned(box.psi_rad);
+  const Eigen::Vector2d inner(box.half_length_m - radius_m, box.half_width_m - radius_m);
+  for (const double sx : {-1.0, 1.0}) {
+    for (const double sy : {-1.0, 1.0}) {
+      const Eigen::Vector2d center_m = box.center_m + turned * Eigen::Vector2d(sx * inner.x(), sy * inner.y());
+      scene.ellipses.push_back({center_m, 0.0, radius_m, radius_m});
+    }
+    const Eigen::Vector2d x(sx * box.half_length_m, inner.y()), y(inner.x(), sx * box.half_width_m);
+    scene.walls.push_back({box.center_m + turned * x, box.center_m + turned * Eigen::Vector2d(x.x(), -x.y())});
+    scene.walls.push_back({box.center_m + turned * y, box.center_m + turned * Eigen::Vector2d(-y.x(), y.y())});
+  }
+  return scene;
+}
+
+// The last hit on a rounded corner is before the corner of the box, in every scan of a view: many of them do not make
+// the box certainly too small.
+TEST(BoxFit, ManyViewsOfRoundedCornersTellTheSidesAsWellAsTheySay) {
+  constexpr double kViews = 40.0;
+  for (const double radius_m : {0.01, 0.05, 0.1}) {
+    const Box truth{{3.0, 0.0}, 0.8, 0.4, 0.2};
+    const Segments segments = near_segments(rounded_scene_of(truth, radius_m));
+    ASSERT_EQ(segments.segments.size(), 1U);
+    const Detection detection = refit_box(segments, 0, kParams, truth);
+    const double error_m = smooth_parameters(detection.ellipse_level)(2) - smooth_parameters(ellipse_of(truth))(2);
+    EXPECT_LT(std::abs(error_m), 0.03) << radius_m;
+    EXPECT_LT(std::abs(error_m), 3.0 * std::sqrt(detection.covariance(2, 2) / kViews)) << radius_m;
+  }
+}
+
 TEST(BoxFit, IsEquivariantUnderRotation) {
   const Box truth{{3.0, 0.2}, 0.5, 0.4, 0.2};
   const Segments segments = near_segments(scene_of(truth));
