@@ -91,12 +91,6 @@ double residual_rms_m(const Point* points, std::size_t count, const Vector5d& x)
   return std::sqrt(sum / static_cast<double>(count));
 }
 
-double mean_beam(const Point* points, std::size_t count) {
-  double sum = 0.0;
-  for (std::size_t i = 0; i < count; ++i) sum += points[i].beam;
-  return sum / static_cast<double>(count);
-}
-
 /// The cost of a fit is about one per hit; above that by more than this it has not converged.
 constexpr double kGoodCostMargin = 10.0;
 
@@ -346,7 +340,7 @@ Detection unassessed_detection(const Segments& segments, std::size_t segment, co
   detection.middle_level_m = middle_level_m(segments, piece);
   detection.hidden_end = !is_silhouette(piece.right_end) || !is_silhouette(piece.left_end);
   detection.segment = segment;
-  detection.time_offset_s = mean_beam(&segments.points[piece.first], piece.count) * segments.time_increment_s;
+  detection.time_offset_s = middle_s(segments, piece);
   return detection;
 }
 

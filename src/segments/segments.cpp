@@ -39,6 +39,12 @@ Eigen::Vector2d middle_level_m(const Segments& segments, const Segment& segment)
   return sum_m / static_cast<double>(segment.count);
 }
 
+double middle_s(const Segments& segments, const Segment& segment) {
+  double sum = 0.0;
+  for (std::size_t i = segment.first; i < segment.first + segment.count; ++i) sum += segments.points[i].beam;
+  return sum / static_cast<double>(segment.count) * segments.time_increment_s;
+}
+
 std::vector<Overlap> overlaps_of(const Segments& segments, const std::vector<ExpectedOutline>& ellipses_level,
                                  std::vector<Overlap> memory) {
   std::vector<Overlap> result = std::move(memory);

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
 #include <utility>
 #include <vector>
@@ -175,6 +176,39 @@ TEST(Refine, StartsFromTheNearestOutlineAndKeepsTheDetectorsOtherFields) {
   EXPECT_EQ(one.detections[0].beams, plain.detections[0].beams);
   const Eigen::LLT<Matrix5d> llt(one.detections[0].covariance);
   EXPECT_EQ(llt.info(), Eigen::Success);
+}
+
+// The first and the last beam of a turn meet there, and a car that drives and turns is hit at two places.
+TEST(Refine, PutsTheHitsOfAMovingBoxAtOneTimeWhereATurnOfTheScannerBeginsAndEnds) {
+  constexpr int kBeams = 720;
+  constexpr double kIncrement_s = 0.1 / kBeams;
+  ExpectedOutline known(moment_equal_ellipse({{-1.5, 0.05}, 0.4, 0.4, 0.2}));
+  known.box = {{-1.5, 0.05}, 0.4, 0.4, 0.2};
+  known.p_box = 1.0;
+  known.velocity_m_s = {0.3, -1.0};
+  known.angular_velocity_rad_s = 2.0;
+  Scan scan;
+  scan.angle_min_rad = -kPi;
+  scan.angle_increment_rad = 2.0 * kPi / kBeams;
+  scan.time_increment_s = kIncrement_s;
+  for (int i = 0; i < kBeams; ++i) {
+    LevelScene scene;
+    const std::array<Eigen::Vector2d, 4> at = corners(later(known, i * kIncrement_s).box);
+    for (std::size_t k = 0; k < at.size(); ++k) scene.walls.push_back({at[k], at[(k + 1) % at.size()]});
+    scene.angle_min_rad = scan.angle_min_rad + i * scan.angle_increment_rad;
+    scene.beams = 1;
+    scan.beams.push_back(scene.scan().beams[0]);
+  }
+  const Segments segments = segment(project_horizontally(scan, Eigen::Isometry3d::Identity()), {});
+  ASSERT_EQ(segments.segments.size(), 1U);
+  Detections found;
+  found.detections.resize(1);
+  const Detections one = refine(found, segments, {known}, kParams);
+  ASSERT_EQ(one.detections.size(), 1U);
+  ASSERT_EQ(one.detections[0].shape, Shape::kBox);
+  const Box truth = later(known, one.detections[0].time_offset_s).box;
+  EXPECT_LT((one.detections[0].box_level.center_m - truth.center_m).norm(), 0.015);
+  EXPECT_NEAR(one.detections[0].box_level.psi_rad, truth.psi_rad, 0.01);
 }
 
 // A small object whose prediction lags: its hits lie on the far side of the expected outline, where no beam can end. A

@@ -32,7 +32,7 @@ class KnownObjects {
   /// be of either shape, or if this detection would be untrustworthy. Of the detection of the segment alone it has
   /// `p_ellipse` and `log_box_ratio`; nothing else of that counts.
   bool refined(std::size_t segment, double p_ellipse, double log_box_ratio, const EllipseFitParams& params,
-               Detection& result) const;
+               Detection& result);
 
   /// Refuses what looks like a box and holds an object that is surely an ellipse: these are two things side by side.
   void refuse_composites(Detections& found) const;
@@ -41,6 +41,7 @@ class KnownObjects {
   const Segments* segments_ = nullptr;
   const std::vector<ExpectedOutline>* known_level_ = nullptr;
   std::vector<Overlap> overlaps_;
+  Segments at_one_time_;  ///< one segment
 };
 
 /// Refine detections of known objects about the ellipses that the map predicts (`refit_ellipse`), without the bias of a

@@ -128,6 +128,9 @@ struct Segments {
 /// Mean of the hits of a segment that has any, in the level frame.
 Eigen::Vector2d middle_level_m(const Segments& segments, const Segment& segment);
 
+/// Mean of the times of its beams, after the stamp.
+double middle_s(const Segments& segments, const Segment& segment);
+
 /// Overlap of a segment's azimuths with an ellipse.
 struct Overlap {
   std::size_t segment = 0;

@@ -48,14 +48,14 @@ std::vector<ExpectedOutline> outlines_at(std::int64_t stamp_ns, const Pose2& T_w
     ExpectedOutline expected;
     expected.id = object.id;
     expected.ellipse = object.ellipse_world;
-    expected.ellipse.center_m += age_s * object.velocity_world_m_s;
-    expected.ellipse.psi_rad += age_s * object.angular_velocity_rad_s;
     expected.box = object.box_world;
-    expected.box.center_m = expected.ellipse.center_m;
-    expected.box.psi_rad += age_s * object.angular_velocity_rad_s;
+    expected.p_box = object.shape == Shape::kBox ? object.p_shape : 1.0 - object.p_shape;
+    expected.velocity_m_s = object.velocity_world_m_s;
+    expected.angular_velocity_rad_s = object.angular_velocity_rad_s;
+    expected = later(expected, age_s);
     to_level(expected.ellipse);
     to_level(expected.box);
-    expected.p_box = object.shape == Shape::kBox ? object.p_shape : 1.0 - object.p_shape;
+    expected.velocity_m_s = R_level_world * object.velocity_world_m_s;
     outlines_level.push_back(expected);
   }
   return outlines_level;
