@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <utility>
 
 #include "situation_awareness/common/usual_room.hpp"
@@ -32,6 +33,37 @@ void complete_by_prior(ObjectEstimate& estimate) {
   const Eigen::Matrix3d R = sigma_m * sigma_m * Eigen::Matrix3d::Identity();
   const Eigen::Vector3d mean(2.0 * scale * box_prior::kMeanHalf_m, 0.0, 0.0);
   update(estimate, innovation(estimate, Eigen::Vector3d(mean - estimate.x.segment<3>(kShape)), H, R), H, R);
+}
+
+/// The sizes that are known of a box hold for an estimate of it by one view, too, unless they contradict it: what this
+/// view does not show has not changed. True if they hold.
+bool complete_by_known(const ObjectEstimate& known, double psi_world_rad, ObjectEstimate& estimate) {
+  constexpr double kChiSquare999 = 16.266;  // of 3 degrees of freedom
+  const Eigen::Vector2d known_axis = known.x.segment<2>(kShape + 1);
+  const double half_difference_m = known_axis.norm();
+  if (half_difference_m < kMinRadius_m) return false;
+  const Eigen::Vector2d along = known_axis / half_difference_m;
+  // (m, p, q) turned so that the long side is at psi or, with the opposite sign, across it.
+  Innovation<3> nearest;
+  Eigen::Matrix3d R = Eigen::Matrix3d::Zero();
+  Eigen::Matrix<double, 3, 8> H = Eigen::Matrix<double, 3, 8>::Zero();
+  H.middleCols<3>(kShape).setIdentity();
+  nearest.mahalanobis2 = std::numeric_limits<double>::infinity();
+  for (const double sign : {1.0, -1.0}) {
+    const Eigen::Vector2d axis = sign * Eigen::Vector2d(std::cos(2.0 * psi_world_rad), std::sin(2.0 * psi_world_rad));
+    Eigen::Matrix3d T = Eigen::Matrix3d::Identity();
+    T.bottomRightCorner<2, 2>() << along.dot(axis), -(along.x() * axis.y() - along.y() * axis.x()),
+        along.x() * axis.y() - along.y() * axis.x(), along.dot(axis);
+    const Eigen::Matrix3d R_turned = T * known.P.block<3, 3>(kShape, kShape) * T.transpose();
+    const Eigen::Vector3d z(known.x(kShape), half_difference_m * axis.x(), half_difference_m * axis.y());
+    const Innovation<3> turned = innovation(estimate, Eigen::Vector3d(z - estimate.x.segment<3>(kShape)), H, R_turned);
+    if (turned.mahalanobis2 >= nearest.mahalanobis2) continue;
+    nearest = turned;
+    R = R_turned;
+  }
+  if (nearest.mahalanobis2 > kChiSquare999) return false;
+  update(estimate, nearest, H, R);
+  return true;
 }
 
 }  // namespace
@@ -155,11 +187,16 @@ bool ObjectMap::explains_most(const Detections& detections) {
 /// The estimate anew from a detection. Another face of a box says nothing against its velocity.
 void ObjectMap::correct(MapElement& element, const Detection& detection, const Measurement& measurement,
                         const Eigen::Matrix3d& U, const Pose2& T_world_level) const {
-  const MotionEstimate anew = new_estimate(measurement, T_world_level, U);
   if (detection.shape != Shape::kBox) {
-    element.estimate = anew;
+    element.estimate = new_estimate(measurement, T_world_level, U);
     return;
   }
+  ObjectEstimate mapped = map_measurement(measurement, T_world_level, U);
+  const bool is_known =
+      is_box(element) && params_.shape != "circle" &&
+      complete_by_known(likelier(element.estimate), T_world_level.yaw_rad + detection.box_level.psi_rad, mapped);
+  bound_radii(mapped.x, kMinRadius_m);
+  const MotionEstimate anew = is_known ? start(mapped, motion_) : new_estimate(measurement, T_world_level, U);
   const auto keep_velocity = [](ObjectEstimate& estimate, const ObjectEstimate& other) {
     const Eigen::Vector3d velocity = estimate.x.segment<3>(kVelocity);
     const Eigen::Matrix3d P = kCorrectedVelocity * estimate.P.block<3, 3>(kVelocity, kVelocity);

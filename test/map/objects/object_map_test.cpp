@@ -436,6 +436,32 @@ TEST(ObjectMap, AScanOfWhichMostIsUnexplainedCorrectsNothingThatIsKnown) {
   }
 }
 
+// What many scans have shown of the length of a box stays known where one face of it is found elsewhere.
+TEST(ObjectMap, ACorrectionByAViewOfOneFaceKeepsTheLengthThatIsKnown) {
+  ObjectMap map{params()};
+  int i = 0;
+  const auto see = [&](const Ellipse& ellipse, double hidden_sigma_m) {
+    Detections detections = detections_at(i++ * kScanPeriod_s, {ellipse});
+    Detection& detection = detections.detections[0];
+    detection.shape = Shape::kBox;
+    detection.box_level = moment_equal_box(ellipse);
+    detection.log_box_ratio = 4.0;
+    Vector5d along = Vector5d::Zero();  // the depth: the centre moves with the radii
+    along << 1.0, 0.0, 0.5, 0.5, 0.0;
+    detection.covariance += hidden_sigma_m * hidden_sigma_m * along * along.transpose();
+    return map.update(detections);
+  };
+  for (int k = 0; k < 40; ++k) see({{3.0, 0.0}, 0.0, 0.5, 0.3}, 0.0);
+  ASSERT_EQ(see({{3.1, 0.2}, 0.0, 0.31, 0.3}, 3.0).reasons.of("element corrected"), 1U);
+  const Objects objects = map.at(map.stamp_ns());
+  ASSERT_EQ(objects.objects.size(), 1U);
+  const Ellipse& found = objects.objects[0].ellipse_world;
+  EXPECT_NEAR(found.rx_m, 0.5, 0.05);
+  EXPECT_NEAR(found.ry_m, 0.3, 0.05);
+  EXPECT_NEAR(found.center_m.x() - found.rx_m, 3.1 - 0.31, 0.05) << "its face is where it was seen";
+  EXPECT_NEAR(found.center_m.y(), 0.2, 0.05);
+}
+
 // A detection with a hidden end may have a centre anywhere, but not its hits.
 TEST(ObjectMap, ADetectionWithAHiddenEndIsNotOfAnElementAwayFromItsHits) {
   for (const bool here : {true, false}) {
