@@ -33,10 +33,9 @@
 namespace situation_awareness {
 namespace {
 
-constexpr double kLastMap_s = 0.5;        ///< after the end of the flight: the map of its last scan has come
-constexpr double kLarge_m = 2.5;          ///< diagonal from which on outlines of lines are judged, too
-constexpr std::size_t kEveryPose = 10;    ///< so many poses per one that is compared
-constexpr std::size_t kMaxWaiting = 500;  ///< messages without their counterpart
+constexpr double kLastMapOfFlight_s = 0.5;  ///< after the end of the flight: the map of its last scan has come
+constexpr double kLarge_m = 2.5;            ///< diagonal from which on outlines of lines are judged, too
+constexpr std::size_t kEveryPose = 10;      ///< so many poses per one that is compared
 
 struct BoundaryEvaluatorParams {
   std::string world = kDefaultWorld;
@@ -92,11 +91,11 @@ class BoundaryEvaluator : public Evaluation {
     fix_ = node_.subscribe("fix", 100, &BoundaryEvaluator::on_fix, this);
     updates_ = node_.subscribe("semantic_map/updates", 20, &BoundaryEvaluator::on_update, this);
     done_ = node_.subscribe<std_msgs::Empty>("flight_done", 1, [this](const std_msgs::EmptyConstPtr&) {
-      if (params_.duration_s == 0.0) end_after(kLastMap_s);
+      if (params_.duration_s == 0.0) end_after(kLastMapOfFlight_s);
     });
     mission_ = node_.subscribe<MissionStatus>("mission", 20, [this](const MissionStatusConstPtr& msg) {
       latest_mission_ = msg;
-      if (params_.duration_s == 0.0 && msg->state == MissionStatus::DONE) end_after(kLastMap_s);
+      if (params_.duration_s == 0.0 && msg->state == MissionStatus::DONE) end_after(kLastMapOfFlight_s);
     });
   }
 
@@ -183,7 +182,7 @@ class BoundaryEvaluator : public Evaluation {
     }
     measure_clearance({msg->pose.position.x, msg->pose.position.y});
     const double since_s = (msg->header.stamp - begin_).toSec();
-    if (params_.duration_s > 0.0 && since_s >= params_.duration_s) end_after(kLastMap_s);
+    if (params_.duration_s > 0.0 && since_s >= params_.duration_s) end_after(kLastMapOfFlight_s);
     if (since_s > params_.max_duration_s) ros::shutdown();
     compare();
   }

@@ -2,6 +2,7 @@
 // What the parts of the node `evaluator` share.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <cstdio>
 #include <iterator>
@@ -46,6 +47,9 @@ class Verdict {
 
   bool is_met_ = true;
 };
+
+/// Messages without their counterpart that are kept.
+constexpr std::size_t kMaxWaiting = 500;
 
 /// A comparison of the messages that come with the truth of a simulated world. It shuts ROS down when it has ended.
 class Evaluation {

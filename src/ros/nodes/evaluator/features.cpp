@@ -31,10 +31,9 @@
 namespace situation_awareness {
 namespace {
 
-constexpr double kLargestBody_m = 6.0;    ///< diagonal of the box around it; what is larger and stands is a building
-constexpr double kTouching_m = 0.05;      ///< walls this near to each other are one thing
-constexpr std::size_t kMaxWaiting = 500;  ///< messages without their counterpart
-constexpr double kLatest_s = 1e6;         ///< a simulation does not last so long: another clock
+constexpr double kLargestBody_m = 6.0;  ///< diagonal of the box around it; what is larger and stands is a building
+constexpr double kTouching_m = 0.05;    ///< walls this near to each other are one thing
+constexpr double kLatest_s = 1e6;       ///< a simulation does not last so long: another clock
 
 struct FeatureEvaluatorParams {
   std::string world = kDefaultWorld;

@@ -29,10 +29,9 @@
 namespace situation_awareness {
 namespace {
 
-constexpr double kLastMap_s = 1.0;        ///< after the end of a transit: the map of its last scan has come
-constexpr std::size_t kEveryScan = 5;     ///< so many scans per one that marks what was seen
-constexpr std::size_t kMaxWaiting = 500;  ///< messages without their counterpart
-constexpr double kSpacing_m = 0.1;        ///< of the places along a boundary
+constexpr double kLastMapOfTransit_s = 1.0;  ///< after the end of a transit: the map of its last scan has come
+constexpr std::size_t kEveryScan = 5;        ///< so many scans per one that marks what was seen
+constexpr double kSpacing_m = 0.1;           ///< of the places along a boundary
 
 struct TransitEvaluatorParams {
   std::string world = kDefaultWorld;
@@ -160,7 +159,7 @@ class TransitEvaluator : public Evaluation {
       if (!is_driving_ || msg->number != number_) return;
       is_driving_ = false;
       end_ = node_.createTimer(
-          ros::Duration(kLastMap_s),
+          ros::Duration(kLastMapOfTransit_s),
           [this, duration_s = msg->duration_s, is_last = msg->number == msg->transits](const ros::TimerEvent&) {
             end(duration_s, is_last);
           },
