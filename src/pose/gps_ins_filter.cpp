@@ -182,10 +182,13 @@ void GpsInsFilter::move_to(Moment& moment, std::int64_t stamp_ns, const Inertial
   const double part = period_s > 0.0 ? std::clamp(middle_s / period_s, 0.0, 1.0) : 0.0;
   const Eigen::Vector3d force = mix(a.specific_force_m_s2, b.specific_force_m_s2, part);
   const Eigen::Vector3d rate = mix(a.angular_velocity_rad_s, b.angular_velocity_rad_s, part);
-  const Eigen::Vector3d before_m_s = moment.estimate.x.motion.velocity_world_m_s;
+  const auto antenna_velocity = [this, &moment]() -> Eigen::Vector3d {
+    const NavigationState& x = moment.estimate.x.motion;
+    return x.velocity_world_m_s +
+           x.q_world_imu * (moment.rate_rad_s - x.gyroscope_bias_rad_s).cross(model_.antenna_imu_m);
+  };
+  const Eigen::Vector3d before_m_s = antenna_velocity();
   moment.estimate.x.motion = moment.motion.append(moment.estimate.x.motion, force, rate, dt_s);
-  const Eigen::Vector3d gain_m_s = moment.estimate.x.motion.velocity_world_m_s - before_m_s;
-  moment.acceleration_m_s2 += (gain_m_s - dt_s * moment.acceleration_m_s2) / std::max(kAcceleration_s, dt_s);
   moment.estimate.x.fix_error *= kept_of_fix_error(dt_s, fix_noise_.correlation_s);
   moment.stamp_ns = stamp_ns;
   moment.accelerometer_noise = b.accelerometer_noise;
@@ -194,6 +197,8 @@ void GpsInsFilter::move_to(Moment& moment, std::int64_t stamp_ns, const Inertial
   const double end_s = seconds_between(a.stamp_ns, stamp_ns);
   moment.rate_rad_s = mix(a.angular_velocity_rad_s, b.angular_velocity_rad_s,
                           period_s > 0.0 ? std::clamp(end_s / period_s, 0.0, 1.0) : 0.0);
+  const Eigen::Vector3d gain_m_s = antenna_velocity() - before_m_s;
+  moment.acceleration_m_s2 += (gain_m_s - dt_s * moment.acceleration_m_s2) / std::max(kAcceleration_s, dt_s);
   if (period_s > 0.0) moment.rate_variance = b.gyroscope_noise.cwiseAbs2() / period_s;
   if (moment.stands) moment.stood_s += dt_s;
   if (!is_last && b.stamp_ns <= stamp_ns) ++moment.sample;

@@ -161,7 +161,7 @@ class GpsInsFilter {
     Eigen::Vector3d accelerometer_noise = Eigen::Vector3d::Zero();  ///< as measured
     Eigen::Vector3d gyroscope_noise = Eigen::Vector3d::Zero();      ///< as measured
     Eigen::Vector3d rate_rad_s = Eigen::Vector3d::Zero();           ///< as measured
-    Eigen::Vector3d acceleration_m_s2 = Eigen::Vector3d::Zero();    ///< in the world, smoothed
+    Eigen::Vector3d acceleration_m_s2 = Eigen::Vector3d::Zero();    ///< of the antenna, smoothed
     std::int64_t velocity_ns = 0, climb_ns = 0;                     ///< when last one was measured
     double force_change_m_s2 = 0.0;                                 ///< as measured
     Eigen::Vector3d rate_variance = Eigen::Vector3d::Zero();        ///< of its white noise, each axis
