@@ -190,11 +190,27 @@ void GpsIns::process() {
   const int contradictions = filters_[best()].contradictions();
   if (contradictions > contradictions_) contradicted_ns_ = stamp_ns;
   contradictions_ = contradictions;
-  if (is_corrected && phase_ == Phase::kReady) widen_by_misfit();
+  if (is_corrected && phase_ == Phase::kReady) {
+    replace_doubted();
+    widen_by_misfit();
+  }
   if (phase_ == Phase::kAligning) {
     align();
   } else if (is_corrected || std::abs(seconds_between(yaw_watched_ns_, stamp_ns)) >= GpsInsFilter::kMomentPeriod_s) {
     watch_yaw();
+  }
+}
+
+/// A filter that was wrong to suppose that the vehicle goes where it heads, until it was doubted, begins at the
+/// likeliest one's estimate: it would else be the first to believe fixes that others still refuse, with a yaw of its
+/// own.
+void GpsIns::replace_doubted() {
+  if (!is_possible(false)) return;
+  const std::size_t first = best();
+  for (std::size_t i = 0; i < used_; ++i) {
+    if (i == first || !goes_ahead_[i] || filters_[i].recoveries() == 0) continue;
+    filters_[i].start(filters_[first].stamp_ns(), filters_[first].estimate(), imu_, true);
+    filters_[i].set_log_likelihood(filters_[first].log_likelihood() - kLeastLog);
   }
 }
 

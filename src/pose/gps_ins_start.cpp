@@ -31,8 +31,8 @@ constexpr double kFixCorrelation_s = 20.0;
 constexpr double kYawSigma_rad = 0.075;
 
 /// Logarithm of how likely it is before anything was seen of it that a vehicle goes where it heads, against that it
-/// need not: not half as likely, since who knows it can say so.
-constexpr double kGoesAheadLog = -1.0;
+/// need not: e^-3, so that 20 times the evidence is needed before a course is taken for a heading.
+constexpr double kGoesAheadLog = -3.0;
 /// Standing or moving steadily: largest rate of turn, and difference of the mean force of two halves of the window.
 constexpr double kMaxLevelRate_rad_s = 0.05;
 constexpr double kMaxLevelChange_m_s2 = 0.5;

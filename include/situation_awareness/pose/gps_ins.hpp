@@ -205,6 +205,7 @@ class GpsIns {
   void suppose(std::size_t filter, const FixNoise& fix_noise, bool goes_ahead);
   double log_likelihood_of(bool goes_ahead) const;
   void watch_yaw();
+  void replace_doubted();
   void widen_by_misfit();
   /// Of the yaws of the filters about the best one's.
   double yaw_variance(bool with_their_own) const;
