@@ -217,8 +217,21 @@ void GpsIns::try_yaws(std::int64_t stamp_ns, const Estimate<GpsInsState>& about)
   }
 }
 
-/// Where nothing showed the yaw: all but that is known better than at the start, and kept.
+/// Whether the mean rate of the last second is that of something that stands or goes straight on.
+bool GpsIns::is_straight() const {
+  const std::uint64_t from = imu_.last_until(imu_.latest().stamp_ns - nanoseconds(kLevelWindow_s));
+  Eigen::Vector3d rate = Eigen::Vector3d::Zero();
+  for (std::uint64_t i = from; i < imu_.end(); ++i) rate += imu_[i].angular_velocity_rad_s;
+  return rate.norm() < kMaxLevelRate_rad_s * static_cast<double>(imu_.end() - from);
+}
+
+/// Where nothing showed the yaw: all but that is known better than at the start, and kept. In a turn roll, pitch and
+/// biases are known for each yaw alone, and all begins anew.
 void GpsIns::try_yaws_anew() {
+  if (!is_straight()) {
+    align_anew();
+    return;
+  }
   const std::size_t first = best();
   Estimate<GpsInsState> about = filters_[first].estimate();
   const Eigen::Vector3d up_body = about.x.motion.q_world_imu.conjugate() * Eigen::Vector3d::UnitZ();

@@ -201,6 +201,7 @@ class GpsIns {
   void align_anew();
   void try_yaws(std::int64_t stamp_ns, const Estimate<GpsInsState>& about);
   void try_yaws_anew();
+  bool is_straight() const;
   bool is_possible(bool goes_ahead) const;
   void suppose(std::size_t filter, const FixNoise& fix_noise, bool goes_ahead);
   double log_likelihood_of(bool goes_ahead) const;
