@@ -55,6 +55,11 @@ constexpr double kLeastLog = 12.0;
 /// Of a vehicle that goes where it heads, as wheels do on a road (m/s).
 constexpr double kUsualSideslip_m_s = 0.15;
 
+/// Logarithm of how likely it is, when the yaw gets known, that a vehicle goes where it heads, against that it need
+/// not: 20 times the evidence is needed before a course is taken for a heading. From e^-1 to e^-3 it changes nothing on
+/// the drive of docs/math/gps_ins.md.
+constexpr double kGoesAheadLog = -3.0;
+
 /// How the error of fixes may be correlated in time.
 constexpr std::array<FixNoise, 10> kFixNoises = {{{0.0, 1.0},
                                                   {0.5, 3.0},
@@ -99,7 +104,7 @@ GpsIns::GpsIns(const GpsInsParams& params, const GpsInsMounting& mounting, std::
       monitors_{NisMonitor(3), NisMonitor(1), NisMonitor(1), NisMonitor(2), NisMonitor(1), NisMonitor(1)} {
   measurements_.reserve(kGpsInsMeasurements);
   const auto moments = static_cast<std::size_t>(params.max_delay_s / GpsInsFilter::kMomentPeriod_s) + 3;
-  const std::size_t filters = 2 * std::max<std::size_t>(kYaws, kFixNoises.size());
+  const std::size_t filters = std::max<std::size_t>(kYaws, 2 * kFixNoises.size());
   fix_noises_.resize(filters);
   goes_ahead_.resize(filters);
   verdicts_.assign(filters, std::vector<GpsInsVerdict>(kGpsInsMeasurements));
@@ -237,7 +242,8 @@ void GpsIns::watch_yaw() {
     align_anew();
     return;
   }
-  const bool is_learning = seconds_between(learning_since_ns_, yaw_watched_ns_) < kLearn_s;
+  const bool has_velocity = seconds_between(velocity_ns_, yaw_watched_ns_) < kLearn_s;  // no drift passes for one
+  const bool is_learning = !has_velocity && seconds_between(learning_since_ns_, yaw_watched_ns_) < kLearn_s;
   const double share = is_yaw_known_ ? 1.0 : is_learning ? kKnownAtOnce : kKnown;
   if (is_yaw_known_ == (sigma_rad > share * params_.max_yaw_sigma_rad)) {
     is_yaw_known_ = !is_yaw_known_;
@@ -332,15 +338,13 @@ void GpsIns::align() {
   const std::int64_t stamp_ns = filters_[first].stamp_ns();
   const Estimate<GpsInsState> estimate = mixed(stamp_ns);
   if (vertical_variance(estimate.x.motion.q_world_imu, estimate.P) > limit) return;
-  // Each way of going keeps the likelihood that its yaws have.
-  const double slips_log = log_likelihood_of(false), goes_ahead_log = log_likelihood_of(true);
   used_ = 0;
   for (const bool goes_ahead : {false, true}) {
     if (!is_possible(goes_ahead)) continue;
     for (const FixNoise& noise : kFixNoises) {
       suppose(used_, noise, goes_ahead);
       filters_[used_].start(stamp_ns, estimate, imu_, true);
-      filters_[used_++].set_log_likelihood(goes_ahead ? goes_ahead_log : slips_log);
+      filters_[used_++].set_log_likelihood(goes_ahead ? kGoesAheadLog : 0.0);
     }
   }
   phase_ = Phase::kReady;
@@ -356,16 +360,6 @@ void GpsIns::suppose(std::size_t filter, const FixNoise& fix_noise, bool goes_ah
   fix_noises_[filter] = fix_noise;
   goes_ahead_[filter] = goes_ahead;
   filters_[filter].suppose(fix_noise, goes_ahead ? sigma_m_s : 0.0);
-}
-
-/// Of all filters that suppose it, on average.
-double GpsIns::log_likelihood_of(bool goes_ahead) const {
-  const double highest = filters_[best()].log_likelihood();
-  double sum = 0.0;
-  for (std::size_t i = 0; i < used_; ++i) {
-    if (goes_ahead_[i] == goes_ahead) sum += std::exp(filters_[i].log_likelihood() - highest);
-  }
-  return std::max(std::log(std::max(sum, 1e-300)), -kLeastLog);
 }
 
 Estimate<GpsInsState> GpsIns::mixed(std::int64_t stamp_ns) const {

@@ -116,6 +116,7 @@ void GpsIns::add_velocity(const AntennaVelocity& velocity) {
   measurement.covariance.diagonal().array() += kVelocitySigma_m_s * kVelocitySigma_m_s;
   measurement.sensor = GpsInsSensor::kVelocity;
   if (!keep(measurement, "velocity too late", "velocity ahead of the imu")) return;
+  velocity_ns_ = velocity.stamp_ns;
   measurement.sensor = GpsInsSensor::kClimb;
   add(measurement, "velocity too late", "velocity ahead of the imu");
 }

@@ -30,9 +30,6 @@ constexpr double kFixCorrelation_s = 20.0;
 /// rad. Standard deviation of each yaw that is tried: a third more than that of its part of the turn.
 constexpr double kYawSigma_rad = 0.075;
 
-/// Logarithm of how likely it is before anything was seen of it that a vehicle goes where it heads, against that it
-/// need not: e^-3, so that 20 times the evidence is needed before a course is taken for a heading.
-constexpr double kGoesAheadLog = -3.0;
 /// Standing or moving steadily: largest rate of turn, and difference of the mean force of two halves of the window.
 constexpr double kMaxLevelRate_rad_s = 0.05;
 constexpr double kMaxLevelChange_m_s2 = 0.5;
@@ -208,12 +205,8 @@ void GpsIns::try_yaws(std::int64_t stamp_ns, const Estimate<GpsInsState>& about)
       turned.P.middleRows<3>(world) = (turn * turned.P.middleRows<3>(world)).eval();
       turned.P.middleCols<3>(world) = (turned.P.middleCols<3>(world) * turn.transpose()).eval();
     }
-    for (const bool goes_ahead : {false, true}) {
-      if (!is_possible(goes_ahead)) continue;
-      suppose(used_, {kFixCorrelatedShare, kFixCorrelation_s}, goes_ahead);
-      filters_[used_].start(stamp_ns, turned, imu_);
-      filters_[used_++].set_log_likelihood(goes_ahead ? kGoesAheadLog : 0.0);
-    }
+    suppose(used_, {kFixCorrelatedShare, kFixCorrelation_s}, params_.sideslip_sigma_m_s > 0.0);
+    filters_[used_++].start(stamp_ns, turned, imu_);
   }
 }
 

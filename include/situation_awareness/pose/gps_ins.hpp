@@ -204,7 +204,6 @@ class GpsIns {
   bool is_straight() const;
   bool is_possible(bool goes_ahead) const;
   void suppose(std::size_t filter, const FixNoise& fix_noise, bool goes_ahead);
-  double log_likelihood_of(bool goes_ahead) const;
   void watch_yaw();
   void replace_doubted();
   void widen_by_misfit();
@@ -234,6 +233,7 @@ class GpsIns {
   std::int64_t waiting_since_ns_ = StampOrder::kNone;
   std::int64_t yaw_watched_ns_ = 0;
   std::int64_t learning_since_ns_ = 0;                      ///< how the error of fixes is correlated
+  std::int64_t velocity_ns_ = 0;                            ///< of the latest velocity
   std::optional<std::pair<double, double>> height_before_;  ///< of the latest fix, and its variance
   std::int64_t height_jumped_ns_ = StampOrder::kNone;
   int contradictions_ = 0;                            ///< of the likeliest filter
