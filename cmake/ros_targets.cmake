@@ -154,7 +154,6 @@ target_precompile_headers(${PROJECT_NAME}_check REUSE_FROM ${PROJECT_NAME}_ros)
 
 situation_awareness_node(check_bag src/ros/tools/check_bag.cpp ${PROJECT_NAME}_check)
 situation_awareness_node(grid_bag src/ros/tools/grid_bag.cpp ${PROJECT_NAME}_bag)
-situation_awareness_node(gps_ins_bag src/ros/tools/gps_ins_bag.cpp ${PROJECT_NAME}_bag)
 situation_awareness_node(map_bag src/ros/tools/map_bag.cpp ${PROJECT_NAME}_bag)
 situation_awareness_node(objects_bag src/ros/tools/objects_bag.cpp ${PROJECT_NAME}_bag)
 situation_awareness_node(polygons_bag src/ros/tools/polygons_bag.cpp ${PROJECT_NAME}_bag)

@@ -16,9 +16,17 @@ namespace {
 
 using namespace navigation_error;
 
-/// What no sensor of a vehicle measures: 1,000 g, 160 turns a second. So bounded, no covariance overflows or drowns in
-/// rounding.
+constexpr std::size_t kMeasurements = 256;  ///< kept at most
+
+/// What no sensor of a vehicle measures: 1,000 g, 160 turns a second, beyond the earth, a place or height that is not
+/// known to 10 km, a yaw not to a turn. So bounded, no covariance overflows or drowns in rounding.
 constexpr double kMaxForce_m_s2 = 1e4, kMaxRate_rad_s = 1e3;
+constexpr double kMaxPlace_m = 1e7, kMaxPlaceSigma_m = 1e4;
+constexpr double kMaxYaw_rad = 1e3, kMaxYawSigma_rad = 2.0 * kPi;
+/// Of a correction by others, in the units of its rows.
+constexpr double kMaxCorrection = 1e9;
+/// A height or a yaw that says to be better is taken to be as good as this, which is better than any is.
+constexpr double kMinAltitudeSigma_m = 1e-3, kMinYawSigma_rad = 1e-4;
 /// Up to which the history is as long as max_delay_s and what alignment needs; with a margin for samples that jitter.
 constexpr double kMaxImuRate_hz = 1.25 * 4000.0;
 
@@ -44,6 +52,10 @@ constexpr double kSameBiases_s = 10.0;
 /// of freedom, which happens once in a million times by chance.
 constexpr double kContradiction = 30.7;
 
+/// A height that differs from that of the fix before by this, and by so many standard deviations of both, has jumped:
+/// those of the next seconds may be of another zero. A filter that drifts off heights which have not is wrong.
+constexpr double kHeightJump_m = 10.0, kHeightJumpSigmas = 6.0, kHeightJump_s = 10.0;
+
 /// s. Time for which that is said.
 constexpr double kContradictedFor_s = 30.0;
 
@@ -51,14 +63,6 @@ constexpr double kContradictedFor_s = 30.0;
 /// best, so that each can come back within some seconds.
 constexpr double kLeastWeight = 1e-3;
 constexpr double kLeastLog = 12.0;
-
-/// Of a vehicle that goes where it heads, as wheels do on a road (m/s).
-constexpr double kUsualSideslip_m_s = 0.15;
-
-/// Logarithm of how likely it is, when the yaw gets known, that a vehicle goes where it heads, against that it need
-/// not: 20 times the evidence is needed before a course is taken for a heading. From e^-1 to e^-3 it changes nothing on
-/// the drive of docs/math/gps_ins.md.
-constexpr double kGoesAheadLog = -3.0;
 
 /// How the error of fixes may be correlated in time.
 constexpr std::array<FixNoise, 10> kFixNoises = {{{0.0, 1.0},
@@ -101,13 +105,12 @@ GpsIns::GpsIns(const GpsInsParams& params, const GpsInsMounting& mounting, std::
       model_(model_of(params, mounting)),
       imu_((params.validate(), params.max_delay_s + kLevelWindow_s + kHistoryMargin_s), kMaxImuRate_hz,
            standing_change(params.standing_turn_rad_s, params.imu)),
-      monitors_{NisMonitor(3), NisMonitor(1), NisMonitor(1), NisMonitor(2), NisMonitor(1), NisMonitor(1)} {
-  measurements_.reserve(kGpsInsMeasurements);
+      monitors_{NisMonitor(3), NisMonitor(1), NisMonitor(1), NisMonitor(1), NisMonitor(1)} {
+  measurements_.reserve(kMeasurements);
   const auto moments = static_cast<std::size_t>(params.max_delay_s / GpsInsFilter::kMomentPeriod_s) + 3;
-  const std::size_t filters = std::max<std::size_t>(kYaws, 2 * kFixNoises.size());
+  const std::size_t filters = std::max<std::size_t>(kYaws, kFixNoises.size());
   fix_noises_.resize(filters);
-  goes_ahead_.resize(filters);
-  verdicts_.assign(filters, std::vector<GpsInsVerdict>(kGpsInsMeasurements));
+  verdicts_.assign(filters, std::vector<GpsInsVerdict>(kMeasurements));
   for (std::size_t i = 0; i < filters; ++i) filters_.emplace_back(model_, fix_noises_[i], moments);
   counters_.reset();
   reset();
@@ -176,6 +179,173 @@ void GpsIns::add_imu(const InertialSample& sample, std::int64_t received_ns) {
   }
 }
 
+void GpsIns::add_fix(const GeodeticFix& fix) {
+  if (!fix.is_fix) {
+    ++counters_["no fix"];
+    return;
+  }
+  if (!is_valid(fix.position)) {
+    ++counters_["fix not finite"];
+    return;
+  }
+  if (!is_usable(fix.covariance_m2)) return;
+  if (!origin_) origin_ = fix.position;
+  const Eigen::Vector3d antenna_m = local_position(*origin_, fix.position);
+  add_position(fix.stamp_ns, antenna_m, fix.covariance_m2, !fix.has_altitude);
+  if (!fix.has_altitude) add_altitude(fix.stamp_ns, antenna_m.z(), std::sqrt(fix.covariance_m2(2, 2)));
+}
+
+bool GpsIns::is_usable(const Eigen::Matrix3d& covariance_m2) {
+  const char* reason = "";
+  if (!covariance_m2.allFinite() || covariance_m2.diagonal().minCoeff() <= 0.0) {
+    reason = "fix without covariance";
+  } else if (covariance_m2.cwiseAbs().maxCoeff() > kMaxPlaceSigma_m * kMaxPlaceSigma_m) {
+    reason = "fix out of range";
+  } else if (!is_positive_semidefinite(covariance_m2)) {
+    reason = "fix covariance not positive semidefinite";
+  } else {
+    return true;
+  }
+  ++counters_[reason];
+  return false;
+}
+
+/// Whether heights of fixes have jumped shortly before this one, or with it.
+bool GpsIns::has_jumped(std::int64_t stamp_ns, double height_m, double variance_m2) {
+  if (height_before_) {
+    const double sigma_m = std::sqrt(variance_m2 + height_before_->second);
+    const double least_m = std::max(kHeightJump_m, kHeightJumpSigmas * sigma_m);
+    if (std::abs(height_m - height_before_->first) > least_m) height_jumped_ns_ = stamp_ns;
+  }
+  height_before_ = std::pair(height_m, variance_m2);
+  return height_jumped_ns_ != StampOrder::kNone &&
+         std::abs(seconds_between(height_jumped_ns_, stamp_ns)) < kHeightJump_s;
+}
+
+void GpsIns::add_position(std::int64_t stamp_ns, const Eigen::Vector3d& antenna_world_m,
+                          const Eigen::Matrix3d& covariance_m2) {
+  add_position(stamp_ns, antenna_world_m, covariance_m2, false);
+}
+
+void GpsIns::add_position(std::int64_t stamp_ns, const Eigen::Vector3d& antenna_world_m,
+                          const Eigen::Matrix3d& covariance_m2, bool is_level) {
+  if (!antenna_world_m.allFinite()) {
+    ++counters_["fix not finite"];
+    return;
+  }
+  if (antenna_world_m.norm() > kMaxPlace_m) {
+    ++counters_["fix out of range"];
+    return;
+  }
+  if (!is_usable(covariance_m2)) return;
+  GpsInsMeasurement measurement;
+  measurement.stamp_ns = stamp_ns;
+  measurement.value = antenna_world_m;
+  measurement.is_level = is_level;
+  measurement.has_jumped = !is_level && has_jumped(stamp_ns, antenna_world_m.z(), covariance_m2(2, 2));
+  measurement.covariance = 0.5 * (covariance_m2 + covariance_m2.transpose());
+  if (params_.sideslip_sigma_m_s > 0.0) {
+    GpsInsMeasurement sideslip;
+    sideslip.sensor = GpsInsSensor::kSideslip;
+    sideslip.stamp_ns = stamp_ns;
+    sideslip.covariance(0, 0) = params_.sideslip_sigma_m_s * params_.sideslip_sigma_m_s;
+    add(sideslip, "sideslip too late", "sideslip ahead of the imu");
+  }
+  add(measurement, "fix too late", "fix ahead of the imu");
+}
+
+void GpsIns::add_altitude(std::int64_t stamp_ns, double altitude_world_m, double sigma_m) {
+  add_number(GpsInsSensor::kAltitude, stamp_ns, altitude_world_m, sigma_m,
+             {"altitude not finite", "altitude out of range", "altitude too late", "altitude ahead of the imu",
+              kMaxPlace_m, kMinAltitudeSigma_m, kMaxPlaceSigma_m});
+}
+
+void GpsIns::add_heading(std::int64_t stamp_ns, double yaw_rad, double sigma_rad) {
+  add_number(GpsInsSensor::kHeading, stamp_ns, yaw_rad, sigma_rad,
+             {"heading not finite", "heading out of range", "heading too late", "heading ahead of the imu", kMaxYaw_rad,
+              kMinYawSigma_rad, kMaxYawSigma_rad});
+}
+
+void GpsIns::add_number(GpsInsSensor sensor, std::int64_t stamp_ns, double value, double sigma, const Number& number) {
+  if (!std::isfinite(value) || !(sigma > 0.0) || !std::isfinite(sigma)) {
+    ++counters_[number.not_finite];
+    return;
+  }
+  if (std::abs(value) > number.most || sigma > number.most_sigma) {
+    ++counters_[number.out_of_range];
+    return;
+  }
+  GpsInsMeasurement measurement;
+  measurement.sensor = sensor;
+  measurement.stamp_ns = stamp_ns;
+  measurement.value.x() = value;
+  measurement.covariance(0, 0) = std::pow(std::max(sigma, number.least_sigma), 2);
+  add(measurement, number.too_late, number.ahead);
+}
+
+void GpsIns::correct(const GpsInsCorrection& correction) {
+  if (correction.rows < 1 || correction.rows > GpsInsCorrection::kMaxRows || !correction.residual.allFinite() ||
+      !correction.H.allFinite() || !correction.R.allFinite() || !is_finite(correction.reference)) {
+    ++counters_["correction not finite"];
+    return;
+  }
+  const SmallCovariance R = correction.R.topLeftCorner(correction.rows, correction.rows);
+  if (std::max({R.cwiseAbs().maxCoeff(), correction.H.cwiseAbs().maxCoeff(), correction.residual.norm()}) >
+      kMaxCorrection) {
+    ++counters_["correction out of range"];
+    return;
+  }
+  if (!is_positive_semidefinite(R)) {
+    ++counters_["correction covariance not positive semidefinite"];
+    return;
+  }
+  GpsInsMeasurement measurement;
+  measurement.sensor = GpsInsSensor::kOther;
+  measurement.stamp_ns = correction.stamp_ns;
+  measurement.correction = correction;
+  // Rows that are not used agree with any state.
+  const int unused = GpsInsCorrection::kMaxRows - correction.rows;
+  measurement.correction.residual.tail(unused).setZero();
+  measurement.correction.H.bottomRows(unused).setZero();
+  measurement.correction.R.rightCols(unused).setZero();
+  measurement.correction.R.bottomRows(unused).setZero();
+  measurement.correction.R.diagonal().tail(unused).setOnes();
+  add(measurement, "correction too late", "correction ahead of the imu");
+}
+
+void GpsIns::add(const GpsInsMeasurement& measurement, const char* too_late, const char* ahead) {
+  if (imu_.empty()) {
+    ++counters_[ahead];
+    return;
+  }
+  const std::int64_t stamp_ns = measurement.stamp_ns;
+  if (seconds_between(imu_.latest().stamp_ns, stamp_ns) > params_.max_delay_s) {
+    ++counters_[ahead];
+    return;
+  }
+  if (seconds_between(stamp_ns, imu_.latest().stamp_ns) > params_.max_delay_s ||
+      (used_ > 0 && filters_[0].oldest_ns() >= stamp_ns) ||
+      (used_ > 0 && filters_[0].stamp_ns() >= stamp_ns && filters_[0].oldest_sample() < imu_.begin())) {
+    ++counters_[too_late];
+    return;
+  }
+  if (measurements_.size() == kMeasurements) {
+    // Half at once, so that moving the others is rare.
+    forgotten_ns_ = measurements_[kMeasurements / 2 - 1].stamp_ns;
+    measurements_.erase(measurements_.begin(), measurements_.begin() + kMeasurements / 2);
+    if (stamp_ns <= forgotten_ns_) {
+      ++counters_[too_late];
+      return;
+    }
+  }
+  const auto place =
+      std::upper_bound(measurements_.begin(), measurements_.end(), stamp_ns,
+                       [](std::int64_t stamp, const GpsInsMeasurement& m) { return stamp < m.stamp_ns; });
+  measurements_.insert(place, measurement);
+  for (std::size_t i = 0; i < used_; ++i) filters_[i].go_back_before(stamp_ns);
+  process();
+}
+
 void GpsIns::process() {
   if (phase_ == Phase::kLevelling && !try_start()) return;
   const std::int64_t stamp_ns = imu_.latest().stamp_ns;
@@ -195,27 +365,11 @@ void GpsIns::process() {
   const int contradictions = filters_[best()].contradictions();
   if (contradictions > contradictions_) contradicted_ns_ = stamp_ns;
   contradictions_ = contradictions;
-  if (is_corrected && phase_ == Phase::kReady) {
-    replace_doubted();
-    widen_by_misfit();
-  }
+  if (is_corrected && phase_ == Phase::kReady) widen_by_misfit();
   if (phase_ == Phase::kAligning) {
     align();
   } else if (is_corrected || std::abs(seconds_between(yaw_watched_ns_, stamp_ns)) >= GpsInsFilter::kMomentPeriod_s) {
     watch_yaw();
-  }
-}
-
-/// A filter that was wrong to suppose that the vehicle goes where it heads, until it was doubted, begins at the
-/// likeliest one's estimate: it would else be the first to believe fixes that others still refuse, with a yaw of its
-/// own.
-void GpsIns::replace_doubted() {
-  if (!is_possible(false)) return;
-  const std::size_t first = best();
-  for (std::size_t i = 0; i < used_; ++i) {
-    if (i == first || !goes_ahead_[i] || filters_[i].recoveries() == 0) continue;
-    filters_[i].start(filters_[first].stamp_ns(), filters_[first].estimate(), imu_, true);
-    filters_[i].set_log_likelihood(filters_[first].log_likelihood() - kLeastLog);
   }
 }
 
@@ -242,8 +396,7 @@ void GpsIns::watch_yaw() {
     align_anew();
     return;
   }
-  const bool has_velocity = seconds_between(velocity_ns_, yaw_watched_ns_) < kLearn_s;  // no drift passes for one
-  const bool is_learning = !has_velocity && seconds_between(learning_since_ns_, yaw_watched_ns_) < kLearn_s;
+  const bool is_learning = seconds_between(learning_since_ns_, yaw_watched_ns_) < kLearn_s;
   const double share = is_yaw_known_ ? 1.0 : is_learning ? kKnownAtOnce : kKnown;
   if (is_yaw_known_ == (sigma_rad > share * params_.max_yaw_sigma_rad)) {
     is_yaw_known_ = !is_yaw_known_;
@@ -285,8 +438,7 @@ FixNoise GpsIns::fix_noise() const { return fix_noises_[best()]; }
 
 Eigen::Vector2d GpsIns::imu_noise() const {
   if (imu_.empty()) return Eigen::Vector2d::Zero();
-  return Eigen::Vector2d(imu_.latest().accelerometer_noise.norm(), imu_.latest().gyroscope_noise.norm()) /
-         std::sqrt(3.0);
+  return {imu_.latest().accelerometer_noise, imu_.latest().gyroscope_noise};
 }
 
 bool GpsIns::count_verdicts() {
@@ -300,8 +452,8 @@ bool GpsIns::count_verdicts() {
     const GpsInsVerdict& verdict = verdicts[i];
     if (!verdict.is_accepted) {
       constexpr std::array<const char*, kGpsInsSensors> kReasons = {
-          "fix outside its gate",      "altitude outside its gate", "heading outside its gate",
-          "velocity outside its gate", "climb outside its gate",    "correction outside its gate"};
+          "fix outside its gate", "altitude outside its gate", "heading outside its gate", "sideslip outside its gate",
+          "correction outside its gate"};
       ++counters_[kReasons[static_cast<std::size_t>(measurement.sensor)]];
       continue;
     }
@@ -320,12 +472,10 @@ bool GpsIns::count_verdicts() {
 
 void GpsIns::align() {
   const std::size_t first = best();
-  if (filters_[first].recoveries() > 0) {  // even the best was wrong
+  // Even the best was wrong, or likelihoods differ by chance alone.
+  if (filters_[first].recoveries() > 0 ||
+      seconds_between(filters_[first].yaw_shown_ns(), filters_[first].stamp_ns()) > kAlignPatience_s) {
     align_anew();
-    return;
-  }
-  if (seconds_between(filters_[first].yaw_shown_ns(), filters_[first].stamp_ns()) > kAlignPatience_s) {
-    try_yaws_anew();
     return;
   }
   const double variance = yaw_variance(false);
@@ -338,28 +488,15 @@ void GpsIns::align() {
   const std::int64_t stamp_ns = filters_[first].stamp_ns();
   const Estimate<GpsInsState> estimate = mixed(stamp_ns);
   if (vertical_variance(estimate.x.motion.q_world_imu, estimate.P) > limit) return;
-  used_ = 0;
-  for (const bool goes_ahead : {false, true}) {
-    if (!is_possible(goes_ahead)) continue;
-    for (const FixNoise& noise : kFixNoises) {
-      suppose(used_, noise, goes_ahead);
-      filters_[used_].start(stamp_ns, estimate, imu_, true);
-      filters_[used_++].set_log_likelihood(goes_ahead ? kGoesAheadLog : 0.0);
-    }
+  used_ = kFixNoises.size();
+  for (std::size_t i = 0; i < used_; ++i) {
+    fix_noises_[i] = kFixNoises[i];
+    filters_[i].set_fix_noise(fix_noises_[i]);
+    filters_[i].start(stamp_ns, estimate, imu_, true);
   }
   phase_ = Phase::kReady;
   learning_since_ns_ = stamp_ns;
   watch_yaw();
-}
-
-/// Whether some vehicles go so. Where it is not said that this one goes where it heads, both ways are tried.
-bool GpsIns::is_possible(bool goes_ahead) const { return goes_ahead || params_.sideslip_sigma_m_s == 0.0; }
-
-void GpsIns::suppose(std::size_t filter, const FixNoise& fix_noise, bool goes_ahead) {
-  const double sigma_m_s = params_.sideslip_sigma_m_s > 0.0 ? params_.sideslip_sigma_m_s : kUsualSideslip_m_s;
-  fix_noises_[filter] = fix_noise;
-  goes_ahead_[filter] = goes_ahead;
-  filters_[filter].suppose(fix_noise, goes_ahead ? sigma_m_s : 0.0);
 }
 
 Estimate<GpsInsState> GpsIns::mixed(std::int64_t stamp_ns) const {
@@ -444,7 +581,7 @@ GpsInsPose GpsIns::pose_at(std::int64_t stamp_ns) const {
   pose.twist_covariance = transformed(J_twist, estimate.P);
   if (number > imu_.begin()) {  // the white noise of one sample
     const double period_s = seconds_between(imu_[number - 1].stamp_ns, sample.stamp_ns);
-    pose.twist_covariance.diagonal().tail<3>() += sample.gyroscope_noise.cwiseAbs2() / period_s;
+    pose.twist_covariance.diagonal().tail<3>().array() += sample.gyroscope_noise * sample.gyroscope_noise / period_s;
   }
   pose.accelerometer_bias_m_s2 = estimate.x.motion.accelerometer_bias_m_s2;
   pose.gyroscope_bias_rad_s = estimate.x.motion.gyroscope_bias_rad_s;

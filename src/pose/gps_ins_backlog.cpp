@@ -31,17 +31,14 @@ void GpsInsBacklog::add_imu(const InertialSample& sample) {
     entries_.clear();
   }
   latest_ns_ = sample.stamp_ns;
-  entries_.emplace_back(sample);
+  entries_.push_back({std::nullopt, sample});
   const auto is_old = [&](const Entry& entry) {
-    const std::int64_t stamp_ns = std::visit([](const auto& measured) { return measured.stamp_ns; }, entry);
-    return seconds_between(stamp_ns, latest_ns_) > duration_s_;
+    return seconds_between(entry.fix ? entry.fix->stamp_ns : entry.sample.stamp_ns, latest_ns_) > duration_s_;
   };
   while (is_old(entries_.front())) entries_.pop_front();
 }
 
-void GpsInsBacklog::add_fix(const GeodeticFix& fix) { entries_.emplace_back(fix); }
-
-void GpsInsBacklog::add_velocity(const AntennaVelocity& velocity) { entries_.emplace_back(velocity); }
+void GpsInsBacklog::add_fix(const GeodeticFix& fix) { entries_.push_back({fix, {}}); }
 
 std::vector<GpsInsPose> GpsInsBacklog::take_poses(const GpsInsPose& ready, const GeodeticPosition& origin) {
   std::vector<GpsInsPose> poses;
@@ -53,13 +50,13 @@ std::vector<GpsInsPose> GpsInsBacklog::take_poses(const GpsInsPose& ready, const
   Eigen::Quaterniond q(ready.T_world_base.linear());
   std::int64_t after_ns = ready.stamp_ns;
   for (auto entry = entries.rbegin(); entry != entries.rend(); ++entry) {
-    const InertialSample* const sample = std::get_if<InertialSample>(&*entry);
-    if (sample == nullptr || sample->stamp_ns > after_ns) continue;
+    const std::int64_t stamp_ns = entry->sample.stamp_ns;
+    if (entry->fix || stamp_ns > after_ns) continue;
     const Eigen::Vector3d rate =
-        mounting_.T_base_imu.linear() * sample->angular_velocity_rad_s - ready.gyroscope_bias_rad_s;
-    q = q * exp_so3(-seconds_between(sample->stamp_ns, after_ns) * rate);
-    after_ns = sample->stamp_ns;
-    yaws.push_back({after_ns, yaw_of(q)});
+        mounting_.T_base_imu.linear() * entry->sample.angular_velocity_rad_s - ready.gyroscope_bias_rad_s;
+    q = q * exp_so3(-seconds_between(stamp_ns, after_ns) * rate);
+    after_ns = stamp_ns;
+    yaws.push_back({stamp_ns, yaw_of(q)});
   }
   if (yaws.empty()) return poses;
   const Eigen::Matrix3d R = ready.T_world_base.linear();
@@ -67,27 +64,23 @@ std::vector<GpsInsPose> GpsInsBacklog::take_poses(const GpsInsPose& ready, const
 
   GpsIns again(params_, mounting_, origin);
   for (const Entry& entry : entries) {
-    if (const auto* const sample = std::get_if<InertialSample>(&entry)) {
-      if (sample->stamp_ns >= ready.stamp_ns) break;
-      again.add_imu(*sample);
+    if (!entry.fix) {
+      if (entry.sample.stamp_ns >= ready.stamp_ns) break;
+      again.add_imu(entry.sample);
       if (!again.is_ready()) continue;
       poses.push_back(again.pose());
       if (!poses.back().is_ready) poses.pop_back();
       continue;
     }
-    if (const auto* const velocity = std::get_if<AntennaVelocity>(&entry)) {
-      again.add_velocity(*velocity);
-      continue;
-    }
-    const GeodeticFix& fix = std::get<GeodeticFix>(entry);
-    again.add_fix(fix);
-    if (again.is_ready() || !fix.is_fix) continue;
-    const auto then = std::lower_bound(yaws.begin(), yaws.end(), fix.stamp_ns,
+    again.add_fix(*entry.fix);
+    if (again.is_ready() || !entry.fix->is_fix) continue;
+    const auto then = std::lower_bound(yaws.begin(), yaws.end(), entry.fix->stamp_ns,
                                        [](const YawThen& yaw, std::int64_t stamp) { return yaw.stamp_ns > stamp; });
     if (then == yaws.end()) continue;
     const double since_s = seconds_between(then->stamp_ns, ready.stamp_ns);
     const double drift = since_s * since_s * ready.twist_covariance(5, 5);
-    again.add_heading(fix.stamp_ns, then->yaw_rad, std::max(std::sqrt(yaw_variance + drift), kLeastYawSigma_rad));
+    again.add_heading(entry.fix->stamp_ns, then->yaw_rad,
+                      std::max(std::sqrt(yaw_variance + drift), kLeastYawSigma_rad));
   }
   return poses;
 }

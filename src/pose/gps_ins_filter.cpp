@@ -26,6 +26,17 @@ using namespace navigation_error;
 constexpr int kFixError = Manifold<GpsInsState>::kFixError;
 using Scalar = Eigen::Matrix<double, 1, 1>;
 
+/// What the force is on average, and for how long it differs from that in one way: an error of the scale goes into the
+/// bias with the first, and lets the bias wander within the second.
+constexpr double kMeanForce_s = 20.0, kForceChange_s = 5.0;
+/// Over which the noise of the IMU is measured.
+constexpr double kNoiseWindow_s = 5.0;
+constexpr std::array<int, 3> kNoiseBlocks = {1, 4, 16};
+/// Rate of the IMU for which there is room from the begin on.
+constexpr double kUsualRate_hz = 250.0;
+/// A longer gap of the samples ends a block.
+constexpr double kStandingGap_s = 0.5;
+
 /// Fewest fixes in a row that are all refused before the filter is doubted instead.
 constexpr int kMinRefusedFixes = 5;
 /// After an outage that is longer than this, fixes that agree with each other are believed at once.
@@ -33,6 +44,9 @@ constexpr double kOutage_s = 3.0;
 /// What a filter that is doubted may be wrong by at most, besides the distance to the fix.
 constexpr double kDoubtVelocity_m_s = 5.0;
 constexpr double kDoubtAttitude_rad = 0.2;
+/// What stands: means of blocks of the force that differ by less, as a start by 0.25 m/s would make them, and a rate
+/// that a bias can be.
+constexpr double kStandingForceChange_m_s2 = 0.03, kMostBias_rad_s = 0.05;
 /// Least jump of the height of fixes that is taken for another zero of heights, and not for an outlier or an error (m).
 constexpr double kHeightJump_m = 10.0;
 /// Innovations of fixes are averaged over so long (s).
@@ -43,23 +57,8 @@ constexpr double kKnownVelocity_m_s = 0.5, kStandingVelocity_m_s = 1.0;
 /// A bias that is known worse does not tell a turn from it; a yaw that is known worse may have been shown by chance,
 /// and is better lost than kept.
 constexpr double kKnownBias_rad_s = 0.0015, kKnownYaw_rad = 0.07;
-/// A vehicle that slips does so for so long (s); none goes back faster than this.
-constexpr double kSideslip_s = 1.0, kMostBack_m_s = 3.0;
 /// An acceleration or a speed shows the yaw if this share of it is more than noise.
 constexpr double kShown = 0.5;
-
-/// The acceleration is smoothed over so long, of the order of the age of a receiver's velocity (s).
-constexpr double kAcceleration_s = 0.15;
-/// Errors of a receiver's velocity (multipath, its own smoothing) are alike for so long: those that come in it count as
-/// one (s).
-constexpr double kVelocityCorrelation_s = 1.0;
-/// Receivers smooth velocities, and drivers stamp them with the fix that comes along: they are 0 to 0.3 s older than
-/// they say (u-blox: 0.13 s in the plane, 0.28 s upwards). In a steady turn that is as an error of the yaw, which gets
-/// no less by many velocities: those of one turn count as one (s).
-constexpr double kVelocityAge_s = 0.2, kAgeCorrelation_s = 20.0;
-/// Subtracted from the log-likelihood of a filter that supposes a way of going, and refuses a fix: it would else win by
-/// being more certain while all refuse.
-constexpr double kRefusedLog = 2.0;
 
 /// Where less than this share of a variance is left, Joseph's form is taken: the difference has lost half of its
 /// digits.
@@ -97,6 +96,110 @@ Eigen::Vector3d mix(const Eigen::Vector3d& a, const Eigen::Vector3d& b, double p
 
 }  // namespace
 
+InertialHistory::InertialHistory(double duration_s, double most_hz, double standing_change_rad_s)
+    : duration_s_(duration_s),
+      standing_change_rad_s_(standing_change_rad_s),
+      most_(static_cast<std::size_t>(std::ceil(duration_s * most_hz)) + 2),
+      samples_(std::min(most_, static_cast<std::size_t>(std::ceil(duration_s * kUsualRate_hz)) + 2)) {
+  clear();
+}
+
+bool InertialHistory::is_short() const {
+  return is_full() && seconds_between((*this)[begin()].stamp_ns, latest().stamp_ns) < duration_s_;
+}
+
+void InertialHistory::grow() {
+  const std::uint64_t first = begin();
+  std::vector<Entry> more(std::min(2 * samples_.size(), most_));
+  for (std::uint64_t i = first; i < end_; ++i) more[static_cast<std::size_t>(i % more.size())] = (*this)[i];
+  samples_.swap(more);
+  begin_ = first;
+}
+
+void InertialHistory::Blocks::add(const InertialSample& sample, double period_s) {
+  sum.head<3>() += sample.specific_force_m_s2;
+  sum.tail<3>() += sample.angular_velocity_rad_s;
+  if (++count < length) return;
+  const Eigen::Matrix<double, 6, 1> mean = sum / count;
+  if (whole == 2) {
+    // Of white noise the difference has 1.5 times the variance of a mean, in each of three axes.
+    const Eigen::Matrix<double, 6, 1> apart = last - 0.5 * (last_but_one + mean);
+    const double block_s = length * period_s;
+    duration_s = std::min(duration_s + block_s, kNoiseWindow_s);
+    const Eigen::Vector2d of_block(apart.head<3>().squaredNorm(), apart.tail<3>().squaredNorm());
+    densities += block_s / duration_s * (of_block * block_s / 4.5 - densities);
+  } else {
+    ++whole;
+  }
+  last_but_one = last;
+  last = mean;
+  sum.setZero();
+  count = 0;
+}
+
+void InertialHistory::add(const InertialSample& sample) {
+  const double period_s = empty() ? 0.0 : seconds_between(latest().stamp_ns, sample.stamp_ns);
+  if (is_short() && samples_.size() < most_) grow();
+  Entry& entry = samples_[static_cast<std::size_t>(end_++ % samples_.size())];
+  static_cast<InertialSample&>(entry) = sample;
+  add_to_block(entry, period_s);
+  if (end_ - begin_ == 1) mean_force_m_s2_ = sample.specific_force_m_s2;
+  const Eigen::Vector3d change_m_s2 = sample.specific_force_m_s2 - mean_force_m_s2_;
+  mean_force_m_s2_ += std::min(period_s / kMeanForce_s, 1.0) * change_m_s2;
+  force_variance_ += std::min(period_s / kForceChange_s, 1.0) * (change_m_s2.squaredNorm() - force_variance_);
+  entry.force_change_m_s2 = std::sqrt(force_variance_);
+  if (period_s <= 0.0) return;
+  Eigen::Vector2d least = Eigen::Vector2d::Zero();
+  for (Blocks& blocks : blocks_) {
+    blocks.add(sample, period_s);
+    if (blocks.duration_s < 1.0 && blocks.length > 1) continue;
+    least = blocks.length == 1 ? blocks.densities : least.cwiseMin(blocks.densities).eval();
+  }
+  entry.accelerometer_noise = std::sqrt(least.x());
+  entry.gyroscope_noise = std::sqrt(least.y());
+}
+
+void InertialHistory::add_to_block(Entry& entry, double period_s) {
+  entry.ends_block = false;
+  if (period_s > kStandingGap_s) standing_ = Standing();
+  if (standing_.count++ == 0) standing_.begin_ns = entry.stamp_ns;
+  standing_.sum.head<3>() += entry.specific_force_m_s2;
+  standing_.sum.tail<3>() += entry.angular_velocity_rad_s;
+  const double block_s = seconds_between(standing_.begin_ns, entry.stamp_ns);
+  if (block_s < kBlock_s) return;
+  const Eigen::Matrix<double, 6, 1> mean = standing_.sum / standing_.count, change = mean - standing_.last;
+  entry.ends_block = true;
+  entry.block_s = block_s;
+  entry.mean_rate_rad_s = mean.tail<3>();
+  entry.rate_change_rad_s = change.tail<3>();
+  entry.may_stand = standing_.has_last && change.head<3>().norm() < kStandingForceChange_m_s2 &&
+                    change.tail<3>().cwiseAbs().maxCoeff() < standing_change_rad_s_ &&
+                    mean.tail<3>().norm() < kMostBias_rad_s;
+  standing_.last = mean;
+  standing_.has_last = true;
+  standing_.sum.setZero();
+  standing_.count = 1;  // the last of one is the first of the next
+  standing_.begin_ns = entry.stamp_ns;
+  standing_.sum << entry.specific_force_m_s2, entry.angular_velocity_rad_s;
+}
+
+void InertialHistory::clear() {
+  begin_ = end_;
+  standing_ = Standing();
+  force_variance_ = 0.0;
+  blocks_ = {};
+  for (std::size_t i = 0; i < blocks_.size(); ++i) blocks_[i].length = kNoiseBlocks[i];
+}
+
+std::uint64_t InertialHistory::last_until(std::int64_t stamp_ns) const {
+  std::uint64_t low = begin(), high = end_;
+  while (high - low > 1) {
+    const std::uint64_t middle = low + (high - low) / 2;
+    ((*this)[middle].stamp_ns <= stamp_ns ? low : high) = middle;
+  }
+  return low;
+}
+
 GpsInsFilter::GpsInsFilter(const GpsInsModel& model, const FixNoise& fix_noise, std::size_t moments)
     : model_(model), fix_noise_(fix_noise), moments_(moments) {
   gates_.push_back(0.0);
@@ -112,7 +215,7 @@ void GpsInsFilter::start(std::int64_t stamp_ns, const Estimate<GpsInsState>& est
   now_.sample = imu.last_until(stamp_ns);
   now_.estimate = estimate;
   now_.is_yaw_known = is_yaw_known;
-  now_.yaw_shown_ns = now_.last_fix_ns = now_.slip_ns = stamp_ns;
+  now_.yaw_shown_ns = now_.last_fix_ns = stamp_ns;
   first_ = kept_ = 0;
   keep(now_);
 }
@@ -182,12 +285,6 @@ void GpsInsFilter::move_to(Moment& moment, std::int64_t stamp_ns, const Inertial
   const double part = period_s > 0.0 ? std::clamp(middle_s / period_s, 0.0, 1.0) : 0.0;
   const Eigen::Vector3d force = mix(a.specific_force_m_s2, b.specific_force_m_s2, part);
   const Eigen::Vector3d rate = mix(a.angular_velocity_rad_s, b.angular_velocity_rad_s, part);
-  const auto antenna_velocity = [this, &moment]() -> Eigen::Vector3d {
-    const NavigationState& x = moment.estimate.x.motion;
-    return x.velocity_world_m_s +
-           x.q_world_imu * (moment.rate_rad_s - x.gyroscope_bias_rad_s).cross(model_.antenna_imu_m);
-  };
-  const Eigen::Vector3d before_m_s = antenna_velocity();
   moment.estimate.x.motion = moment.motion.append(moment.estimate.x.motion, force, rate, dt_s);
   moment.estimate.x.fix_error *= kept_of_fix_error(dt_s, fix_noise_.correlation_s);
   moment.stamp_ns = stamp_ns;
@@ -197,17 +294,15 @@ void GpsInsFilter::move_to(Moment& moment, std::int64_t stamp_ns, const Inertial
   const double end_s = seconds_between(a.stamp_ns, stamp_ns);
   moment.rate_rad_s = mix(a.angular_velocity_rad_s, b.angular_velocity_rad_s,
                           period_s > 0.0 ? std::clamp(end_s / period_s, 0.0, 1.0) : 0.0);
-  const Eigen::Vector3d gain_m_s = antenna_velocity() - before_m_s;
-  moment.acceleration_m_s2 += (gain_m_s - dt_s * moment.acceleration_m_s2) / std::max(kAcceleration_s, dt_s);
-  if (period_s > 0.0) moment.rate_variance = b.gyroscope_noise.cwiseAbs2() / period_s;
+  if (period_s > 0.0) moment.rate_variance = b.gyroscope_noise * b.gyroscope_noise / period_s;
   if (moment.stands) moment.stood_s += dt_s;
   if (!is_last && b.stamp_ns <= stamp_ns) ++moment.sample;
 }
 
 ErrorMatrix<GpsInsState> GpsInsFilter::predicted_covariance(const Moment& moment, double& shown_share) const {
-  InertialNoise noise = model_.noise;
-  noise.accelerometer = noise.accelerometer.cwiseMax(moment.accelerometer_noise);
-  noise.gyroscope = noise.gyroscope.cwiseMax(moment.gyroscope_noise);
+  InertialNoiseParams noise = model_.noise;
+  noise.accelerometer_noise = std::max(noise.accelerometer_noise, moment.accelerometer_noise);
+  noise.gyroscope_noise = std::max(noise.gyroscope_noise, moment.gyroscope_noise);
   const ErrorMatrix<GpsInsState>& P = moment.estimate.P;
   MotionJacobian motion = moment.motion;
   const Eigen::Quaterniond q_before =
@@ -217,9 +312,8 @@ ErrorMatrix<GpsInsState> GpsInsFilter::predicted_covariance(const Moment& moment
   ErrorMatrix<GpsInsState> result = moved_covariance(P, motion, noise, fix_noise_.correlation_s);
   const double scale_m_s2 = kAccelerometerScaleSigma * moment.force_change_m_s2;
   const Eigen::Vector3d up_body = moment.estimate.x.motion.q_world_imu.conjugate() * Eigen::Vector3d::UnitZ();
-  result.block<3, 3>(kAccelerometerBias, kAccelerometerBias) += 2.0 / InertialHistory::kForceChange_s * scale_m_s2 *
-                                                                scale_m_s2 * motion.duration_s * up_body *
-                                                                up_body.transpose();
+  result.block<3, 3>(kAccelerometerBias, kAccelerometerBias) +=
+      2.0 / kForceChange_s * scale_m_s2 * scale_m_s2 * motion.duration_s * up_body * up_body.transpose();
   result.topLeftCorner<6, 6>() += vertical_variance(q_before, P) * effect.left_out * effect.left_out.transpose();
   // At rest the walk about the vertical is measured.
   result.block<3, 3>(kGyroscopeBias, kGyroscopeBias) -=
@@ -354,7 +448,6 @@ GpsInsVerdict GpsInsFilter::correct(Moment& moment, const Eigen::Matrix<double, 
   moment.log_likelihood += compared.log_likelihood + 0.5 * std::max(compared.mahalanobis2 - gate, 0.0);
   bool is_used = verdict.is_accepted;
   if constexpr (Size == 3) {  // a fix
-    if (!verdict.is_accepted && sideslip_sigma_m_s_ > 0.0) moment.log_likelihood -= kRefusedLog;
     const double since_s = seconds_between(moment.last_fix_ns, moment.stamp_ns);
     moment.last_fix_ns = moment.stamp_ns;
     if (since_s > kOutage_s) moment.outage_s = since_s;
@@ -376,55 +469,6 @@ GpsInsVerdict GpsInsFilter::correct(Moment& moment, const Eigen::Matrix<double, 
         is_finite(moment.estimate.x) && moment.estimate.P.allFinite() && moment.estimate.P.diagonal().minCoeff() >= 0.0;
   }
   return verdict;
-}
-
-/// It is no measurement, and changes no likelihood: what goes where it heads has fixes that agree with that. But what
-/// plainly slips, or goes back fast, is unlikely to be such a vehicle.
-void GpsInsFilter::suppose_no_sideslip(Moment& moment) const {
-  moment.slip_ns = moment.stamp_ns;
-  const NavigationState& x = moment.estimate.x.motion;
-  Eigen::Matrix<double, 1, 18> H = sideslip_jacobian(x, model_.imu_base_m);
-  double variance = sideslip_sigma_m_s_ * sideslip_sigma_m_s_ +
-                    H.segment<3>(kGyroscopeBias).cwiseAbs2().dot(moment.rate_variance.transpose());
-  // The speed ahead, by which a yaw shows itself, as far as it is more than its own error.
-  const ErrorMatrix<GpsInsState>& P = moment.estimate.P;
-  const Eigen::Vector3d up_body = x.q_world_imu.conjugate() * Eigen::Vector3d::UnitZ();
-  const Eigen::Vector3d ahead = x.q_world_imu * Eigen::Vector3d::UnitX();
-  const double ahead_variance = ahead.dot(P.block<3, 3>(kVelocity, kVelocity) * ahead);
-  const double ahead_m_s = ahead.dot(x.velocity_world_m_s);
-  const double by_yaw = H.segment<3>(kAttitude).dot(up_body);
-  const double share = significant_share(by_yaw * by_yaw / ahead_variance);
-  H.segment<3>(kAttitude) -= (1.0 - share) * by_yaw * up_body.transpose();
-  variance += std::pow((1.0 - share) * by_yaw, 2) * vertical_variance(x.q_world_imu, P);
-  if (share > kShown) moment.yaw_shown_ns = moment.stamp_ns;
-  const bool goes_back = ahead_m_s < -kMostBack_m_s && ahead_m_s * ahead_m_s > gates_[1] * ahead_variance;
-  const double log_likelihood = moment.log_likelihood;
-  const Scalar nu(-sideslip(x, moment.rate_rad_s, model_.imu_base_m));
-  const GpsInsVerdict verdict = correct<1>(moment, nu, H, Scalar(variance), 1);
-  moment.log_likelihood = log_likelihood - (goes_back || !verdict.is_accepted ? 0.5 * gates_[1] : 0.0);
-}
-
-/// Its part in the plane (two numbers) or upwards (one).
-template <int Size>
-GpsInsVerdict GpsInsFilter::apply_velocity(Moment& moment, const GpsInsMeasurement& measurement,
-                                           std::int64_t& last_ns) const {
-  using Vector = Eigen::Matrix<double, Size, 1>;
-  using Matrix = Eigen::Matrix<double, Size, Size>;
-  constexpr int kFirst = Size == 2 ? 0 : 2;
-  Eigen::Matrix<double, 3, 18> whole;
-  const Vector nu =
-      velocity_innovation(moment.estimate.x.motion, measurement.value, moment.rate_rad_s, model_.antenna_imu_m, whole)
-          .template segment<Size>(kFirst);
-  const Eigen::Matrix<double, Size, 18> H = whole.middleRows<Size>(kFirst);
-  const Vector acceleration_m_s2 = moment.acceleration_m_s2.segment<Size>(kFirst);
-  const double since_s = last_ns == 0 ? kAgeCorrelation_s : seconds_between(last_ns, moment.stamp_ns);
-  last_ns = moment.stamp_ns;
-  const auto as_one_in = [since_s](double time_s) { return std::max(time_s / std::max(since_s, 1e-3), 1.0); };
-  Matrix R = as_one_in(kVelocityCorrelation_s) * measurement.covariance.block<Size, Size>(kFirst, kFirst);
-  R += kVelocityAge_s * kVelocityAge_s * as_one_in(kAgeCorrelation_s) * acceleration_m_s2 *
-       acceleration_m_s2.transpose();
-  R.diagonal() += H.template middleCols<3>(kGyroscopeBias).cwiseAbs2() * moment.rate_variance;
-  return correct<Size>(moment, nu, H, R, Size);
 }
 
 GpsInsVerdict GpsInsFilter::apply(Moment& moment, const GpsInsMeasurement& measurement) const {
@@ -466,10 +510,22 @@ GpsInsVerdict GpsInsFilter::apply(Moment& moment, const GpsInsMeasurement& measu
       return correct<1>(moment, Scalar(wrap_to_pi(measurement.value.x() - yaw_of(x.motion.q_world_imu))), H,
                         Scalar(std::max(measurement.covariance(0, 0), known)), 1);
     }
-    case GpsInsSensor::kVelocity:
-      return apply_velocity<2>(moment, measurement, moment.velocity_ns);
-    case GpsInsSensor::kClimb:
-      return apply_velocity<1>(moment, measurement, moment.climb_ns);
+    case GpsInsSensor::kSideslip: {
+      Eigen::Matrix<double, 1, 18> H = sideslip_jacobian(x.motion, model_.imu_base_m);
+      double variance =
+          measurement.covariance(0, 0) + H.segment<3>(kGyroscopeBias).squaredNorm() * moment.rate_variance;
+      // The speed ahead, by which a yaw shows itself, as far as it is more than its own error.
+      const ErrorMatrix<GpsInsState>& P = moment.estimate.P;
+      const Eigen::Vector3d up_body = x.motion.q_world_imu.conjugate() * Eigen::Vector3d::UnitZ();
+      const Eigen::Vector3d ahead = x.motion.q_world_imu * Eigen::Vector3d::UnitX();
+      const double by_yaw = H.segment<3>(kAttitude).dot(up_body);
+      const double share = significant_share(by_yaw * by_yaw / ahead.dot(P.block<3, 3>(kVelocity, kVelocity) * ahead));
+      H.segment<3>(kAttitude) -= (1.0 - share) * by_yaw * up_body.transpose();
+      variance += std::pow((1.0 - share) * by_yaw, 2) * vertical_variance(x.motion.q_world_imu, P);
+      if (share > kShown) moment.yaw_shown_ns = moment.stamp_ns;
+      return correct<1>(moment, Scalar(-sideslip(x.motion, moment.rate_rad_s, model_.imu_base_m)), H, Scalar(variance),
+                        1);
+    }
     case GpsInsSensor::kOther:
       break;
   }
@@ -487,15 +543,15 @@ void GpsInsFilter::advance(Moment& moment, std::int64_t stamp_ns, const Inertial
   while (moment.stamp_ns < stamp_ns) {
     std::int64_t to_ns = stamp_ns;
     if (moment.sample + 1 < imu.end()) to_ns = std::min(to_ns, imu[moment.sample + 1].stamp_ns);
-    const bool is_measured = next != measurements.end() && next->stamp_ns <= to_ns;
-    if (is_measured) to_ns = next->stamp_ns;
+    const bool is_due = next != measurements.end() && next->stamp_ns <= to_ns;
+    if (is_due) to_ns = next->stamp_ns;
     const std::uint64_t before = moment.sample;
     move_to(moment, to_ns, imu);
     if (moment.is_yaw_known && moment.sample != before && imu[moment.sample].ends_block) {
       predict_covariance(moment);
       watch_standing(moment, imu[moment.sample]);
     }
-    if (is_measured) {
+    if (is_due) {
       predict_covariance(moment);
       for (; next != measurements.end() && next->stamp_ns == moment.stamp_ns; ++next) {
         on_verdict(static_cast<std::size_t>(next - measurements.begin()), apply(moment, *next));
@@ -503,10 +559,7 @@ void GpsInsFilter::advance(Moment& moment, std::int64_t stamp_ns, const Inertial
     } else if (moment.motion.duration_s >= kMomentPeriod_s) {
       predict_covariance(moment);
     }
-    if (moment.motion.duration_s > 0.0) continue;
-    const bool is_due = sideslip_sigma_m_s_ > 0.0 && seconds_between(moment.slip_ns, moment.stamp_ns) >= kSideslip_s;
-    if (is_due) suppose_no_sideslip(moment);
-    on_moment(moment);
+    if (moment.motion.duration_s == 0.0) on_moment(moment);
   }
 }
 

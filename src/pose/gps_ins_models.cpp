@@ -34,18 +34,6 @@ void fix_innovation(const GpsInsState& x, const GpsInsMeasurement& fix, const Gp
   R.diagonal().array() += model.min_fix_sigma_m * model.min_fix_sigma_m;
 }
 
-Eigen::Vector3d velocity_innovation(const NavigationState& x, const Eigen::Vector3d& velocity_m_s,
-                                    const Eigen::Vector3d& rate_rad_s, const Eigen::Vector3d& antenna_m,
-                                    Eigen::Matrix<double, 3, 18>& H) {
-  const Eigen::Matrix3d R = x.q_world_imu.toRotationMatrix();
-  const Eigen::Vector3d turned_m_s = (rate_rad_s - x.gyroscope_bias_rad_s).cross(antenna_m);
-  H.setZero();
-  H.block<3, 3>(0, kVelocity).setIdentity();
-  H.block<3, 3>(0, kAttitude) = -R * hat(turned_m_s);
-  H.block<3, 3>(0, kGyroscopeBias) = R * hat(antenna_m);
-  return velocity_m_s - x.velocity_world_m_s - R * turned_m_s;
-}
-
 double sideslip(const NavigationState& x, const Eigen::Vector3d& rate_rad_s, const Eigen::Vector3d& lever_m) {
   return x.velocity_world_m_s.dot(x.q_world_imu * Eigen::Vector3d::UnitY()) -
          (rate_rad_s - x.gyroscope_bias_rad_s).cross(lever_m).y();

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <cstddef>
-
 // Common to the sources of GpsIns.
 namespace situation_awareness {
 
@@ -13,9 +11,6 @@ namespace situation_awareness {
 constexpr int kYaws = 32;
 /// s. Before the first fix that is used, in which roll and pitch are seen.
 constexpr double kLevelWindow_s = 1.0;
-
-/// Kept at most.
-constexpr std::size_t kGpsInsMeasurements = 256;
 
 inline constexpr const char* kNoYaw = "yaw is not known yet: turn or change speed";
 

@@ -188,53 +188,6 @@ Estimate<GpsInsState> GpsIns::start_at(const GpsInsMeasurement& fix, bool is_ste
   return start;
 }
 
-/// Starts filters with all yaws, turned from an estimate about the antenna. The yaw's error is not correlated there
-/// with others; it is that of each part of the turn.
-void GpsIns::try_yaws(std::int64_t stamp_ns, const Estimate<GpsInsState>& about) {
-  const NavigationState& x = about.x.motion;
-  const Eigen::Vector3d antenna_m = x.position_world_m + x.q_world_imu * model_.antenna_imu_m;
-  const double yaw_now = yaw_of(x.q_world_imu);
-  used_ = 0;
-  for (int i = 0; i < kYaws; ++i) {
-    const Eigen::Matrix3d turn = Eigen::AngleAxisd(2.0 * kPi * i / kYaws - yaw_now, Eigen::Vector3d::UnitZ()).matrix();
-    Estimate<GpsInsState> turned = about;
-    turned.x.motion.q_world_imu = turn * x.q_world_imu;
-    turned.x.motion.position_world_m = antenna_m - turned.x.motion.q_world_imu * model_.antenna_imu_m;
-    // What is along the axes of the world is as the errors of the body, which turn, make it.
-    for (const int world : {kPosition, kVelocity, Manifold<GpsInsState>::kFixError}) {
-      turned.P.middleRows<3>(world) = (turn * turned.P.middleRows<3>(world)).eval();
-      turned.P.middleCols<3>(world) = (turned.P.middleCols<3>(world) * turn.transpose()).eval();
-    }
-    suppose(used_, {kFixCorrelatedShare, kFixCorrelation_s}, params_.sideslip_sigma_m_s > 0.0);
-    filters_[used_++].start(stamp_ns, turned, imu_);
-  }
-}
-
-/// Whether the mean rate of the last second is that of something that stands or goes straight on.
-bool GpsIns::is_straight() const {
-  const std::uint64_t from = imu_.last_until(imu_.latest().stamp_ns - nanoseconds(kLevelWindow_s));
-  Eigen::Vector3d rate = Eigen::Vector3d::Zero();
-  for (std::uint64_t i = from; i < imu_.end(); ++i) rate += imu_[i].angular_velocity_rad_s;
-  return rate.norm() < kMaxLevelRate_rad_s * static_cast<double>(imu_.end() - from);
-}
-
-/// Where nothing showed the yaw: all but that is known better than at the start, and kept. In a turn roll, pitch and
-/// biases are known for each yaw alone, and all begins anew.
-void GpsIns::try_yaws_anew() {
-  if (!is_straight()) {
-    align_anew();
-    return;
-  }
-  const std::size_t first = best();
-  Estimate<GpsInsState> about = filters_[first].estimate();
-  const Eigen::Vector3d up_body = about.x.motion.q_world_imu.conjugate() * Eigen::Vector3d::UnitZ();
-  const Eigen::Matrix3d level = Eigen::Matrix3d::Identity() - up_body * up_body.transpose();
-  about.P.middleRows<3>(kAttitude) = (level * about.P.middleRows<3>(kAttitude)).eval();
-  about.P.middleCols<3>(kAttitude) = (about.P.middleCols<3>(kAttitude) * level).eval();
-  about.P.block<3, 3>(kAttitude, kAttitude) += kYawSigma_rad * kYawSigma_rad * up_body * up_body.transpose();
-  try_yaws(filters_[first].stamp_ns(), about);
-}
-
 bool GpsIns::try_start() {
   GpsInsMeasurement* const fix = first_fix();
   if (fix == nullptr) return false;
@@ -246,10 +199,18 @@ bool GpsIns::try_start() {
   const double sine = axis.norm();
   const Eigen::Quaterniond level =
       exp_so3(sine > 0.0 ? Eigen::Vector3d(std::atan2(sine, up.z()) / sine * axis) : Eigen::Vector3d::Zero());
-  start.x.motion.q_world_imu = level;
-  start.x.motion.position_world_m = fix->value - level * model_.antenna_imu_m;
-  // The fix itself is the first measurement; all before it are left out.
-  try_yaws(fix->stamp_ns - 1, start);
+  const double yaw_now = yaw_of(level);
+  used_ = kYaws;
+  for (int i = 0; i < kYaws; ++i) {
+    const double yaw = 2.0 * kPi * i / kYaws - yaw_now;
+    start.x.motion.q_world_imu = Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitZ()) * level;
+    start.x.motion.position_world_m = fix->value - start.x.motion.q_world_imu * model_.antenna_imu_m;
+    const auto place = static_cast<std::size_t>(i);
+    fix_noises_[place] = {kFixCorrelatedShare, kFixCorrelation_s};
+    filters_[place].set_fix_noise(fix_noises_[place]);
+    // The fix itself is the first measurement; all before it are left out.
+    filters_[place].start(fix->stamp_ns - 1, start, imu_);
+  }
   for (GpsInsMeasurement* before = measurements_.data(); before <= fix; ++before) before->is_counted = true;
   phase_ = Phase::kAligning;
   reason_ = kNoYaw;

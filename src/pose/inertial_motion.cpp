@@ -88,7 +88,7 @@ double significant_share(double mahalanobis2) {
 }
 
 YawEffect leave_out_insignificant(MotionJacobian& J, const Eigen::Quaterniond& q_world_body,
-                                  const ErrorMatrix<GpsInsState>& P, const InertialNoise& noise) {
+                                  const ErrorMatrix<GpsInsState>& P, const InertialNoiseParams& noise) {
   // By the attitude the velocity changes by -[w] R, with w the integral of the force in the world: an angle about the
   // vertical turns the horizontal part of w, and that of the position likewise.
   YawEffect effect;
@@ -99,9 +99,7 @@ YawEffect leave_out_insignificant(MotionJacobian& J, const Eigen::Quaterniond& q
   B.leftCols<3>() -= turned * up_body.transpose();
   const Eigen::Matrix<double, 2, 6> BP = B.lazyProduct(P.block<6, 6>(kAttitude, kAttitude));
   Eigen::Matrix2d C = BP.lazyProduct(B.transpose());
-  const Eigen::Matrix<double, 2, 3> by_force = B.rightCols<3>();
-  const Eigen::Vector3d variance = noise.accelerometer.cwiseAbs2() / J.duration_s;
-  C += by_force * variance.asDiagonal() * by_force.transpose();
+  C.diagonal().array() += noise.accelerometer_noise * noise.accelerometer_noise * J.duration_s;
   const double determinant = C.determinant();
   if (!(determinant > 0.0)) return effect;
   const Eigen::Vector2d gain(turned.y(), -turned.x());
@@ -128,7 +126,7 @@ bool is_finite(const GpsInsState& x) {
 double kept_of_fix_error(double duration_s, double correlation_s) { return std::exp(-duration_s / correlation_s); }
 
 ErrorMatrix<GpsInsState> moved_covariance(const ErrorMatrix<GpsInsState>& P, const MotionJacobian& J,
-                                          const InertialNoise& noise, double correlation_s) {
+                                          const InertialNoiseParams& noise, double correlation_s) {
   constexpr int kFixError = Manifold<GpsInsState>::kFixError;
   const double dt_s = J.duration_s;
   if (dt_s <= 0.0) return P;
@@ -148,10 +146,11 @@ ErrorMatrix<GpsInsState> moved_covariance(const ErrorMatrix<GpsInsState>& P, con
   result.block<9, 6>(0, 9) = result.block<6, 9>(9, 0).transpose();
   result.block<15, 3>(0, kFixError) = result.block<3, 15>(kFixError, 0).transpose();
 
-  const Eigen::Vector3d q_a = noise.accelerometer.cwiseAbs2() / dt_s, q_g = noise.gyroscope.cwiseAbs2() / dt_s;
-  PFt.block<3, 6>(kAccelerometerBias, 0) += q_a.asDiagonal() * J.translation.middleCols<3>(3).transpose();
-  PFt.block<3, 6>(kGyroscopeBias, 0) += q_g.asDiagonal() * J.translation.rightCols<3>().transpose();
-  PFt.block<3, 3>(kGyroscopeBias, kAttitude) += q_g.asDiagonal() * J.attitude_by_gyroscope.transpose();
+  const double q_a = noise.accelerometer_noise * noise.accelerometer_noise / dt_s;
+  const double q_g = noise.gyroscope_noise * noise.gyroscope_noise / dt_s;
+  PFt.block<3, 6>(kAccelerometerBias, 0) += q_a * J.translation.middleCols<3>(3).transpose();
+  PFt.block<3, 6>(kGyroscopeBias, 0) += q_g * J.translation.rightCols<3>().transpose();
+  PFt.block<3, 3>(kGyroscopeBias, kAttitude) += q_g * J.attitude_by_gyroscope.transpose();
   Eigen::Matrix<double, 9, 9> motion;
   motion.topRows<6>() = J.translation.lazyProduct(PFt.middleRows<9>(kAttitude));
   motion.topRows<3>() += PFt.topRows<3>() + dt_s * PFt.middleRows<3>(kVelocity);

@@ -20,9 +20,6 @@ namespace {
 constexpr double kVerticalRatio = 2.0;
 /// m. Standard deviation of the altitude of a fix that has none: receivers hold the one before, and roads climb.
 constexpr double kNoAltitudeSigma_m = 50.0;
-/// m/s. Standard deviation of the velocity along east and along north where none is told: receivers' data sheets have
-/// 0.05 to 0.1 under a free sky. Its sensitivity was not measured.
-constexpr double kVelocitySigma_m_s = 0.3;
 /// Beyond what sensors of vehicles measure (200 g, 4000 deg/s) by far.
 constexpr double kMaxForce_m_s2 = 1e4;
 constexpr double kMaxRate_rad_s = 1e3;
@@ -94,13 +91,6 @@ std::string GpsInsInput::why_not_ready() const {
     }
   }
   return why;
-}
-
-geometry_msgs::TwistWithCovarianceStamped without_covariance(const geometry_msgs::TwistStamped& msg) {
-  geometry_msgs::TwistWithCovarianceStamped result;
-  result.header = msg.header;
-  result.twist.twist = msg.twist;
-  return result;
 }
 
 void keep_contradiction(std::string& kept, const std::string& now) {
@@ -222,21 +212,6 @@ void GpsInsInput::add_fix(const sensor_msgs::NavSatFix& msg, std::int64_t receiv
   if (!filter_->origin()) return;
   turns_.add_fix(fix.stamp_ns, local_position(*filter_->origin(), fix.position).head<2>(),
                  std::sqrt(fix.covariance_m2.diagonal().head<2>().maxCoeff()));
-}
-
-void GpsInsInput::add_velocity(const geometry_msgs::TwistWithCovarianceStamped& msg) {
-  if (!filter_) {
-    ++counters_["velocity before the imu"];
-    return;
-  }
-  AntennaVelocity velocity = velocity_from_msg(msg);
-  if (velocity.covariance_m2_s2.allFinite() && velocity.covariance_m2_s2.diagonal().minCoeff() <= 0.0) {
-    const Eigen::Vector3d sigma_m_s = kVelocitySigma_m_s * Eigen::Vector3d(1.0, 1.0, kVerticalRatio);
-    velocity.covariance_m2_s2 = sigma_m_s.cwiseAbs2().asDiagonal();
-    ++counters_["velocity without covariance: 0.3 m/s used"];
-  }
-  filter_->add_velocity(velocity);
-  if (backlog_ && !filter_->is_ready()) backlog_->add_velocity(velocity);
 }
 
 std::vector<GpsInsPose> GpsInsInput::backlog_poses(const GpsInsPose& ready) {

@@ -54,8 +54,8 @@ void GpsInsReport::report_filter(GpsIns& filter, StageDiagnostics::Status& statu
     status.addf("origin", "%.7f,%.7f,%.3f", filter.origin()->latitude_deg, filter.origin()->longitude_deg,
                 filter.origin()->altitude_m);
   }
-  constexpr const char* kSensors[] = {"fix", "altitude", "heading", "velocity", "climb"};
-  for (int i = 0; i < 5; ++i) {
+  constexpr const char* kSensors[] = {"fix", "altitude", "heading", "sideslip"};
+  for (int i = 0; i < 4; ++i) {
     const auto summary = report_nis(filter.nis(static_cast<GpsInsSensor>(i)), status, kSensors[i]);
     if (i == 0 && summary.matches > 0) used_ns_ = filter.stamp_ns();
   }

@@ -43,19 +43,8 @@ InertialInput::InertialInput(Context& context, const GpsInsNodeletParams& params
   context.on_arrival([this](const auto& msg, const ros::SteadyTime& arrival) { take(msg, arrival); },
                      [this] { return scans_.waiting(); });
   context.when_made([this] {
-    const auto subscribe = [this](auto& subscriber, const std::string& topic, std::uint64_t& received,
-                                  const auto& use) {
-      subscriber.emplace(context_.node(), topic, [this, topic, &received, use](const auto& msg, const auto&) {
-        ++received;
-        add(*msg, topic, use);
-      });
-    };
-    subscribe(imu_, "imu", received_, [this](const auto& msg) { add_imu(msg); });
-    subscribe(fix_, "fix", fixes_received_, [this](const auto& msg) { navigation_.add_fix(msg, receipt_ns()); });
-    subscribe(velocity_, "fix_velocity", velocities_received_,
-              [this](const auto& msg) { navigation_.add_velocity(msg); });
-    subscribe(twist_, "fix_twist", velocities_received_,
-              [this](const auto& msg) { navigation_.add_velocity(without_covariance(msg)); });
+    imu_.emplace(context_.node(), "imu", [this](const auto& msg, const ros::SteadyTime&) { add(*msg); });
+    fix_.emplace(context_.node(), "fix", [this](const auto& msg, const ros::SteadyTime&) { add(*msg); });
   });
   // Where the scanner is may be known after its scans, and waits end without samples, too.
   release_waiting_ = context.poll([this] {
@@ -69,23 +58,31 @@ void InertialInput::take(const sensor_msgs::LaserScanConstPtr& msg, const ros::S
   release_waiting_();
 }
 
-template <class Message, class Use>
-void InertialInput::add(const Message& msg, const std::string& topic, const Use& use) {
+void InertialInput::add(const sensor_msgs::Imu& msg) {
+  ++received_;
   try {
     if (is_ahead_of_clock(msg.header.stamp, max_stamp_ahead_s_)) {
-      return refusals_.add(topic + ": " + drop_reason::kAheadOfClock);
+      return refusals_.add(std::string("imu: ") + drop_reason::kAheadOfClock);
     }
-    use(msg);
+    const std::string reason = navigation_.add_imu(msg, receipt_ns());
+    report_.add();
+    if (!reason.empty()) refusals_.add(reason, navigation_.input().detail());
+    release();
   } catch (const std::exception& error) {
-    refusals_.add(topic + ": error", error.what());
+    refusals_.add("imu: error", error.what());
   }
 }
 
-void InertialInput::add_imu(const sensor_msgs::Imu& msg) {
-  const std::string reason = navigation_.add_imu(msg, receipt_ns());
-  report_.add();
-  if (!reason.empty()) refusals_.add(reason, navigation_.input().detail());
-  release();
+void InertialInput::add(const sensor_msgs::NavSatFix& msg) {
+  ++fixes_received_;
+  try {
+    if (is_ahead_of_clock(msg.header.stamp, max_stamp_ahead_s_)) {
+      return refusals_.add(std::string("fix: ") + drop_reason::kAheadOfClock);
+    }
+    navigation_.add_fix(msg, receipt_ns());
+  } catch (const std::exception& error) {
+    refusals_.add("fix: error", error.what());
+  }
 }
 
 std::pair<std::string, std::string> InertialInput::why_no_pose() const {
@@ -127,7 +124,6 @@ void InertialInput::report(StageDiagnostics::Status& status) {
   }
   status.add("samples received", received_);
   status.add("fixes received", fixes_received_);
-  status.add("velocities received", velocities_received_);
   refusals_.report(status);
   status.add("fixes later than their patience", navigation_.late_fixes());
   report_.report(status);

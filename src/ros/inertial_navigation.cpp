@@ -20,9 +20,8 @@ constexpr std::size_t kMostFixes = 600, kMostSamples = 12000;
 
 }  // namespace
 
-InertialNavigation::InertialNavigation(const GpsInsNodeletParams& params, const tf2::BufferCore& tf, Use use,
-                                       double patience_s)
-    : input_(params, tf), use_(std::move(use)), patience_s_(patience_s), odometry_(kKnownFor_s) {
+InertialNavigation::InertialNavigation(const GpsInsNodeletParams& params, const tf2::BufferCore& tf, Use use)
+    : input_(params, tf), use_(std::move(use)), odometry_(kKnownFor_s) {
   input_.keep_backlog(kBacklog_s);
 }
 
@@ -35,7 +34,7 @@ std::string InertialNavigation::add_imu(const sensor_msgs::Imu& msg, std::int64_
     samples_.pop_front();
     if (!reason.empty()) continue;
     follow();
-    use_waiting();
+    use_fixes();
   }
   if (samples_.size() > kMostSamples) samples_.pop_front();
   return reason;
@@ -67,57 +66,40 @@ void InertialNavigation::place_fixes() {
   if (is_ready()) odometry_.place_fixes(*input_.filter()->origin(), input_.antenna_base_m());
 }
 
-template <class Message>
-void InertialNavigation::insert(Queue<Message>& queue, const Message& msg, std::int64_t received_ns) {
-  const auto is_before = [](const ros::Time& stamp, const Waiting<Message>& other) {
-    return stamp < other.msg.header.stamp;
-  };
-  const auto place = std::upper_bound(queue.begin(), queue.end(), msg.header.stamp, is_before);
-  queue.insert(place, {msg, received_ns});
-  if (queue.size() > kMostFixes) queue.pop_front();
-}
-
 void InertialNavigation::add_fix(const sensor_msgs::NavSatFix& msg, std::int64_t received_ns) {
   input_.see_fix(msg);
-  insert(waiting_fixes_, msg, received_ns);
+  const auto is_before = [](const ros::Time& stamp, const Waiting<sensor_msgs::NavSatFix>& other) {
+    return stamp < other.msg.header.stamp;
+  };
+  const auto place = std::upper_bound(waiting_fixes_.begin(), waiting_fixes_.end(), msg.header.stamp, is_before);
+  waiting_fixes_.insert(place, {msg, received_ns});
+  if (waiting_fixes_.size() > kMostFixes) waiting_fixes_.pop_front();
   if (const GpsIns* const filter = input_.filter()) {
     const double age_s = seconds_between(to_nanoseconds(msg.header.stamp), filter->stamp_ns());
-    if (age_s >= patience_s_ && age_s < InertialOdometry::kLatestFix_s) ++late_fixes_;
-    use_waiting();
+    if (age_s >= kPatience_s && age_s < InertialOdometry::kLatestFix_s) ++late_fixes_;
+    use_fixes();
   }
-}
-
-void InertialNavigation::add_velocity(const geometry_msgs::TwistWithCovarianceStamped& msg) {
-  insert(waiting_velocities_, msg, StampOrder::kNone);
-  if (input_.filter() != nullptr) use_waiting();
-}
-
-void InertialNavigation::use_waiting() {
-  use_waiting(waiting_fixes_);
-  use_waiting(waiting_velocities_);
 }
 
 /// Those whose time it is. What is so far from the samples that it cannot wait for them is refused by the filter.
-template <class Message>
-void InertialNavigation::use_waiting(Queue<Message>& queue) {
+void InertialNavigation::use_fixes() {
   const std::int64_t now_ns = input_.filter()->stamp_ns();
-  const auto age_s = [now_ns](const Waiting<Message>& waiting) {
-    return seconds_between(to_nanoseconds(waiting.msg.header.stamp), now_ns);
+  const auto age_s = [now_ns](const Waiting<sensor_msgs::NavSatFix>& fix) {
+    return seconds_between(to_nanoseconds(fix.msg.header.stamp), now_ns);
   };
-  for (; !queue.empty() && age_s(queue.front()) >= patience_s_; queue.pop_front()) use(queue.front());
-  for (; !queue.empty() && age_s(queue.back()) < -InertialOdometry::kLatestFix_s; queue.pop_back()) use(queue.back());
-}
-
-void InertialNavigation::use(const Waiting<sensor_msgs::NavSatFix>& fix) {
-  input_.add_fix(fix.msg, fix.received_ns);
-  if (const std::optional<GeodeticFix>& good = input_.good_fix()) {
-    odometry_.add_fix(*good, input_.filter()->stamp_ns());
+  for (; !waiting_fixes_.empty() && age_s(waiting_fixes_.front()) >= kPatience_s; waiting_fixes_.pop_front()) {
+    use_fix(waiting_fixes_.front());
   }
-  place_fixes();
+  for (; !waiting_fixes_.empty() && age_s(waiting_fixes_.back()) < -InertialOdometry::kLatestFix_s;
+       waiting_fixes_.pop_back()) {
+    use_fix(waiting_fixes_.back());
+  }
 }
 
-void InertialNavigation::use(const Waiting<geometry_msgs::TwistWithCovarianceStamped>& velocity) {
-  input_.add_velocity(velocity.msg);
+void InertialNavigation::use_fix(const Waiting<sensor_msgs::NavSatFix>& waiting) {
+  input_.add_fix(waiting.msg, waiting.received_ns);
+  if (const std::optional<GeodeticFix>& fix = input_.good_fix()) odometry_.add_fix(*fix, input_.filter()->stamp_ns());
+  place_fixes();
 }
 
 void InertialNavigation::restart(std::int64_t stamp_ns) {

@@ -119,15 +119,6 @@ class MotionRun {
 
   bool has_fix() const { return steps_ % static_cast<long>(sensors_.imu_rate_hz / sensors_.fix_rate_hz) == 0; }
   Eigen::Vector3d antenna() const { return T_world_base() * mounting_.antenna_base_m; }
-  /// Of the antenna in the world, as it was `age_s` ago.
-  Eigen::Vector3d antenna_velocity(double age_s = 0.0) const {
-    const double then_s = time_s() - age_s;
-    const Eigen::Vector3d antenna_imu_m = mounting_.antenna_base_m - mounting_.T_base_imu.translation();
-    return flight_.velocity(then_s) +
-           flight_.attitude(then_s) * flight_.angular_velocity_body(then_s).cross(antenna_imu_m);
-  }
-  /// White noise of each axis.
-  Eigen::Vector3d noise(double sigma) { return sigma * normal_vector<3>(random_); }
   Eigen::Matrix3d fix_covariance() const {
     return sensors_.fix_sigma_m * sensors_.fix_sigma_m * scale().cwiseAbs2().asDiagonal().toDenseMatrix();
   }

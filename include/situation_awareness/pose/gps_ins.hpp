@@ -39,10 +39,8 @@ struct GpsInsParams {
           "standard deviation added to that of each fix, each axis");
     visit("fix_stamp_sigma_s", self.fix_stamp_sigma_s, Bounds{0.0, 1.0}, "s",
           "standard deviation of a fix's stamp against those of the IMU");
-    visit(
-        "sideslip_sigma_m_s", self.sideslip_sigma_m_s, Bounds{0.0, 100.0}, "m/s",
-        "standard deviation of the velocity sideways of a vehicle that goes where it heads; 0: it need not (wind), and "
-        "whether it does is found out");
+    visit("sideslip_sigma_m_s", self.sideslip_sigma_m_s, Bounds{0.0, 100.0}, "m/s",
+          "standard deviation of the velocity sideways of a vehicle that goes where it heads; 0: it need not (wind)");
     visit("standing_turn_rad_s", self.standing_turn_rad_s, Bounds{1e-6, 0.1}, "rad/s",
           "largest rate of turn of a vehicle that stands, by which its yaw gets uncertain: least that the IMU shows; "
           "less where what it stands on does not turn");
@@ -70,13 +68,6 @@ struct GeodeticFix {
   GeodeticPosition position;
   Eigen::Matrix3d covariance_m2 = Eigen::Matrix3d::Zero();  ///< east, north, up
   bool has_altitude = true;  ///< false: that of the position is a guess, of the variance that the covariance has
-};
-
-/// The velocity of a receiver's antenna in the world, as it is measured by the Doppler shift.
-struct AntennaVelocity {
-  std::int64_t stamp_ns = 0;
-  Eigen::Vector3d world_m_s = Eigen::Vector3d::Zero();
-  Eigen::Matrix3d covariance_m2_s2 = Eigen::Matrix3d::Zero();
 };
 
 /// Pose, velocity and what is known of them.
@@ -121,9 +112,6 @@ class GpsIns {
   void add_position(std::int64_t stamp_ns, const Eigen::Vector3d& antenna_world_m,
                     const Eigen::Matrix3d& covariance_m2);
 
-  /// It may be up to 0.3 s older than its stamp says. Counts what is dropped as for fixes: "velocity ...", and
-  /// "climb outside its gate" of the part upwards.
-  void add_velocity(const AntennaVelocity& velocity);
   /// The height of the IMU in the world (m), such as a barometer's.
   void add_altitude(std::int64_t stamp_ns, double altitude_world_m, double sigma_m);
   /// Yaw of the base in the world (rad, from east to north), such as a magnetometer's.
@@ -156,7 +144,7 @@ class GpsIns {
   std::int64_t stamp_ns() const { return imu_.empty() ? StampOrder::kNone : imu_.latest().stamp_ns; }
   /// How fixes are correlated in time, by the likeliest filter.
   FixNoise fix_noise() const;
-  /// Densities of the IMU's noise as measured, m/s^2/sqrt(Hz) and rad/s/sqrt(Hz), root mean square of the axes.
+  /// Densities of the IMU's noise as measured, m/s^2/sqrt(Hz) and rad/s/sqrt(Hz).
   Eigen::Vector2d imu_noise() const;
   const Counters& counters() const { return counters_; }
   NisMonitor& nis(GpsInsSensor sensor) { return monitors_[static_cast<std::size_t>(sensor)]; }
@@ -188,7 +176,6 @@ class GpsIns {
                     bool is_level);
   bool has_jumped(std::int64_t stamp_ns, double height_m, double variance_m2);
   void add(const GpsInsMeasurement& measurement, const char* too_late, const char* ahead);
-  bool keep(const GpsInsMeasurement& measurement, const char* too_late, const char* ahead);
   void add_number(GpsInsSensor sensor, std::int64_t stamp_ns, double value, double sigma, const Number& number);
   /// Those of the estimate where it is ready, else those that it will start with.
   std::optional<Biases> known_biases() const;
@@ -199,18 +186,12 @@ class GpsIns {
   bool try_start();
   void align();
   void align_anew();
-  void try_yaws(std::int64_t stamp_ns, const Estimate<GpsInsState>& about);
-  void try_yaws_anew();
-  bool is_straight() const;
-  bool is_possible(bool goes_ahead) const;
-  void suppose(std::size_t filter, const FixNoise& fix_noise, bool goes_ahead);
   void watch_yaw();
-  void replace_doubted();
   void widen_by_misfit();
   /// Of the yaws of the filters about the best one's.
   double yaw_variance(bool with_their_own) const;
-  /// Counts why not, of what is called `noun`.
-  bool is_usable(const Eigen::Matrix3d& covariance, double most_sigma, const std::string& noun);
+  /// Counts why not.
+  bool is_usable(const Eigen::Matrix3d& covariance_m2);
   /// Whether there were any.
   bool count_verdicts();
   std::size_t best() const;
@@ -227,13 +208,11 @@ class GpsIns {
   std::vector<GpsInsFilter> filters_;
   std::vector<std::vector<GpsInsVerdict>> verdicts_;  ///< of each filter on each measurement
   std::vector<FixNoise> fix_noises_;                  ///< of each filter
-  std::vector<char> goes_ahead_;                      ///< whether each filter supposes that it does
   std::size_t used_ = 0;                              ///< filters
   Phase phase_ = Phase::kLevelling;
   std::int64_t waiting_since_ns_ = StampOrder::kNone;
   std::int64_t yaw_watched_ns_ = 0;
   std::int64_t learning_since_ns_ = 0;                      ///< how the error of fixes is correlated
-  std::int64_t velocity_ns_ = 0;                            ///< of the latest velocity
   std::optional<std::pair<double, double>> height_before_;  ///< of the latest fix, and its variance
   std::int64_t height_jumped_ns_ = StampOrder::kNone;
   int contradictions_ = 0;                            ///< of the likeliest filter

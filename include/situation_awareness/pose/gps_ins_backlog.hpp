@@ -2,7 +2,7 @@
 #pragma once
 
 #include <deque>
-#include <variant>
+#include <optional>
 #include <vector>
 
 #include "situation_awareness/common/stamp_order.hpp"
@@ -21,14 +21,16 @@ class GpsInsBacklog {
   /// To be called as those of GpsIns, until it is ready.
   void add_imu(const InertialSample& sample);
   void add_fix(const GeodeticFix& fix);
-  void add_velocity(const AntennaVelocity& velocity);
 
   /// Poses at the samples before `ready`, a pose that is, by stamps; the first ones may be missing. What was kept is
   /// given up.
   std::vector<GpsInsPose> take_poses(const GpsInsPose& ready, const GeodeticPosition& origin);
 
  private:
-  using Entry = std::variant<InertialSample, GeodeticFix, AntennaVelocity>;
+  struct Entry {
+    std::optional<GeodeticFix> fix;  ///< else it is a sample
+    InertialSample sample;
+  };
 
   GpsInsParams params_;
   GpsInsMounting mounting_;

@@ -12,7 +12,6 @@
 #include "situation_awareness/common/params.hpp"
 #include "situation_awareness/estimation/error_state_filter.hpp"
 #include "situation_awareness/pose/fix_noise.hpp"
-#include "situation_awareness/pose/inertial_history.hpp"
 #include "situation_awareness/pose/inertial_motion.hpp"
 
 namespace situation_awareness {
@@ -21,6 +20,77 @@ namespace situation_awareness {
 // inertial samples and measurements of the last seconds, which all filters of a bank share, and its own state at some
 // moments: a late measurement takes it back to the moment before, from where it goes on.
 
+/// Inertial samples of the last seconds, in the axes of the base; a ring that is numbered from the first one on. The
+/// density of their noise is measured as Allan's variance is: by how far the mean of a block of samples is from that of
+/// its neighbours, over some seconds, for blocks of several lengths. It is the same for all of them if the noise is
+/// white, more for short ones by shaking and for long ones by motion: the least is taken.
+class InertialHistory {
+ public:
+  struct Entry : InertialSample {
+    double accelerometer_noise = 0.0;  ///< m/s^2/sqrt(Hz)
+    double gyroscope_noise = 0.0;      ///< rad/s/sqrt(Hz)
+    double force_change_m_s2 = 0.0;    ///< root mean square of the force about its mean, over some seconds
+    /// At the end of a block of kBlock_s: whether its means and those of the block before are those of something that
+    /// may stand, the mean of the rate, and what that differs by from the one before.
+    bool ends_block = false, may_stand = false;
+    double block_s = 0.0;
+    Eigen::Vector3d mean_rate_rad_s = Eigen::Vector3d::Zero(), rate_change_rad_s = Eigen::Vector3d::Zero();
+  };
+  /// Blocks are so long: there the means of two of them differ least, by white noise and by the walk of the bias.
+  static constexpr double kBlock_s = 8.0;
+
+  /// It keeps the samples of this time, if they come at `most_hz` at most, and less of faster ones; it grows with their
+  /// rate, and then stays.
+  /// What stands has rates whose means of two blocks differ by less than `standing_change_rad_s`, each axis.
+  InertialHistory(double duration_s, double most_hz, double standing_change_rad_s);
+
+  void add(const InertialSample& sample);
+  void clear();
+
+  std::uint64_t begin() const {
+    return end_ - begin_ > samples_.size() ? end_ - static_cast<std::uint64_t>(samples_.size()) : begin_;
+  }
+  std::uint64_t end() const { return end_; }
+  bool empty() const { return begin_ == end_; }
+  const Entry& operator[](std::uint64_t number) const {
+    return samples_[static_cast<std::size_t>(number % samples_.size())];
+  }
+  const Entry& latest() const { return (*this)[end_ - 1]; }
+  /// Whether the samples are too fast for the time it is to keep.
+  bool is_short() const;
+  /// Number of the last sample that is not later than the stamp; begin() if all are.
+  std::uint64_t last_until(std::int64_t stamp_ns) const;
+
+ private:
+  bool is_full() const { return end_ - begin_ >= samples_.size(); }
+  void grow();
+  void add_to_block(Entry& entry, double period_s);
+
+  double duration_s_, standing_change_rad_s_;
+  std::size_t most_;
+  std::vector<Entry> samples_;
+  std::uint64_t begin_ = 0, end_ = 0;
+  Eigen::Vector3d mean_force_m_s2_ = Eigen::Vector3d::Zero();
+  double force_variance_ = 0.0;
+  struct Blocks {
+    int length = 1;  ///< samples
+    int count = 0;   ///< samples of the present one
+    int whole = 0;   ///< blocks until now, 2 at most
+    Eigen::Matrix<double, 6, 1> sum = Eigen::Matrix<double, 6, 1>::Zero(), last = sum, last_but_one = sum;
+    double duration_s = 0.0;                              ///< that the densities are of
+    Eigen::Vector2d densities = Eigen::Vector2d::Zero();  ///< squared, of force and rate
+    void add(const InertialSample& sample, double period_s);
+  };
+  std::array<Blocks, 3> blocks_;
+  struct Standing {
+    std::int64_t begin_ns = 0;
+    int count = 0;  ///< samples of the present block
+    bool has_last = false;
+    Eigen::Matrix<double, 6, 1> sum = Eigen::Matrix<double, 6, 1>::Zero(), last = sum;  ///< force, rate
+  };
+  Standing standing_;
+};
+
 /// In standard deviations of what noise and walk make of the difference of two means.
 constexpr double kStandingSigmas = 3.0;
 /// The least that the means of two blocks of the rate of something that stands may differ by (rad/s): what turns
@@ -28,8 +98,8 @@ constexpr double kStandingSigmas = 3.0;
 double standing_change(double standing_turn_rad_s, const InertialNoiseParams& noise);
 
 /// The sensors whose innovations are watched.
-enum class GpsInsSensor { kFix, kAltitude, kHeading, kVelocity, kClimb, kOther };
-constexpr std::size_t kGpsInsSensors = 6;
+enum class GpsInsSensor { kFix, kAltitude, kHeading, kSideslip, kOther };
+constexpr std::size_t kGpsInsSensors = 5;
 
 /// A correction by others, linear in the error of the state about `reference`: `residual` = z - h(reference) has the
 /// covariance R and the Jacobian H = d(h(reference [+] e)) / d(e). Rows from `rows` on are not used.
@@ -49,9 +119,7 @@ struct GpsInsCorrection {
 struct GpsInsMeasurement {
   GpsInsSensor sensor = GpsInsSensor::kFix;
   std::int64_t stamp_ns = 0;
-  /// A position (m), a velocity (m/s) of which one sensor is the part in the plane, another that upwards; an altitude
-  /// (m) or a yaw (rad) first.
-  Eigen::Vector3d value = Eigen::Vector3d::Zero();
+  Eigen::Vector3d value = Eigen::Vector3d::Zero();       ///< a position (m); an altitude (m) or a yaw (rad) first
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  ///< of the value; a variance first
   bool is_level = false;                                 ///< of a fix: its height was not measured
   bool has_jumped = false;                               ///< of a fix: heights have jumped shortly before
@@ -81,11 +149,6 @@ struct GpsInsModel {
 void fix_innovation(const GpsInsState& x, const GpsInsMeasurement& fix, const GpsInsModel& model, const FixNoise& noise,
                     Eigen::Vector3d& nu, Eigen::Matrix<double, 3, 18>& H, Eigen::Matrix3d& R);
 
-/// z - h(x) of a velocity of the antenna in the world, and the Jacobian of h; `rate_rad_s` as measured.
-Eigen::Vector3d velocity_innovation(const NavigationState& x, const Eigen::Vector3d& velocity_m_s,
-                                    const Eigen::Vector3d& rate_rad_s, const Eigen::Vector3d& antenna_m,
-                                    Eigen::Matrix<double, 3, 18>& H);
-
 /// Velocity of the base to its left (m/s), and its Jacobian. The state is that of the IMU, which is at `lever_m` from
 /// the base in its axes and goes sideways when that turns; `rate_rad_s` is the angular rate as measured.
 double sideslip(const NavigationState& x, const Eigen::Vector3d& rate_rad_s, const Eigen::Vector3d& lever_m);
@@ -103,11 +166,8 @@ class GpsInsFilter {
   /// tried is none that could stay known at rest.
   void start(std::int64_t stamp_ns, const Estimate<GpsInsState>& estimate, const InertialHistory& imu,
              bool is_yaw_known = false);
-  /// Before a start. What goes where it heads does so to `sideslip_sigma_m_s`; 0: it need not.
-  void suppose(const FixNoise& fix_noise, double sideslip_sigma_m_s) {
-    fix_noise_ = fix_noise;
-    sideslip_sigma_m_s_ = sideslip_sigma_m_s;
-  }
+  /// Before a start.
+  void set_fix_noise(const FixNoise& fix_noise) { fix_noise_ = fix_noise; }
 
   /// Goes on to the stamp, which is not beyond the latest sample, applying the measurements until then. `verdicts`, as
   /// long as `measurements`, gets what became of those that were applied.
@@ -158,18 +218,14 @@ class GpsInsFilter {
     std::uint64_t sample = 0;        ///< number of the last one that is not later
     Estimate<GpsInsState> estimate;  ///< the covariance is that before `motion`
     MotionJacobian motion;
-    Eigen::Vector3d accelerometer_noise = Eigen::Vector3d::Zero();  ///< as measured
-    Eigen::Vector3d gyroscope_noise = Eigen::Vector3d::Zero();      ///< as measured
-    Eigen::Vector3d rate_rad_s = Eigen::Vector3d::Zero();           ///< as measured
-    Eigen::Vector3d acceleration_m_s2 = Eigen::Vector3d::Zero();    ///< of the antenna, smoothed
-    std::int64_t velocity_ns = 0, climb_ns = 0;                     ///< when last one was measured
-    double force_change_m_s2 = 0.0;                                 ///< as measured
-    Eigen::Vector3d rate_variance = Eigen::Vector3d::Zero();        ///< of its white noise, each axis
+    double accelerometer_noise = 0.0, gyroscope_noise = 0.0;  ///< as measured
+    Eigen::Vector3d rate_rad_s = Eigen::Vector3d::Zero();     ///< as measured
+    double force_change_m_s2 = 0.0;                           ///< as measured
+    double rate_variance = 0.0;                               ///< of its white noise, each axis
     bool is_yaw_known = false, stands = false;
     double stood_s = 0.0;  ///< of `motion`
     double log_likelihood = 0.0;
     std::int64_t yaw_shown_ns = 0;
-    std::int64_t slip_ns = 0;  ///< when last it was supposed not to slip
     std::int64_t rejected_since_ns = 0, rejected_ns = 0;
     int rejected = 0;  ///< fixes in a row
     std::int64_t last_fix_ns = 0;
@@ -196,10 +252,7 @@ class GpsInsFilter {
   /// Whether the height alone puts a fix outside its gate, with the variance that the receiver tells of it. If several
   /// in a row agree with each other they are believed.
   bool is_off_in_height(Moment& moment, const Eigen::Vector3d& nu, const Eigen::Matrix3d& S, double variance_m2) const;
-  void suppose_no_sideslip(Moment& moment) const;
   GpsInsVerdict apply(Moment& moment, const GpsInsMeasurement& measurement) const;
-  template <int Size>
-  GpsInsVerdict apply_velocity(Moment& moment, const GpsInsMeasurement& measurement, std::int64_t& last_ns) const;
   template <int Size>
   GpsInsVerdict correct(Moment& moment, const Eigen::Matrix<double, Size, 1>& nu,
                         const Eigen::Matrix<double, Size, 18>& H, const Eigen::Matrix<double, Size, Size>& R,
@@ -214,7 +267,6 @@ class GpsInsFilter {
 
   GpsInsModel model_;
   FixNoise fix_noise_;
-  double sideslip_sigma_m_s_ = 0.0;
   std::vector<double> gates_;  ///< by degrees of freedom
   Moment now_;
   std::vector<Moment> moments_;  ///< a ring

@@ -94,18 +94,6 @@ struct InertialNoiseParams {
   void validate() const { check_bounds(*this, "imu"); }
 };
 
-/// Densities of the noise that is reckoned with, axes of the base: what shakes does so more about some of them.
-struct InertialNoise {
-  Eigen::Vector3d accelerometer, gyroscope;             ///< m/s^2/sqrt(Hz), rad/s/sqrt(Hz)
-  double accelerometer_bias_walk, gyroscope_bias_walk;  ///< as InertialNoiseParams
-
-  InertialNoise(const InertialNoiseParams& params)  // NOLINT(google-explicit-constructor): the same for all axes
-      : accelerometer(Eigen::Vector3d::Constant(params.accelerometer_noise)),
-        gyroscope(Eigen::Vector3d::Constant(params.gyroscope_noise)),
-        accelerometer_bias_walk(params.accelerometer_bias_walk),
-        gyroscope_bias_walk(params.gyroscope_bias_walk) {}
-};
-
 /// The Jacobian of a motion of several steps by the error of the state before it, those blocks that are neither zero
 /// nor the identity.
 struct MotionJacobian {
@@ -127,7 +115,7 @@ struct MotionJacobian {
 /// P after a motion: F P F^T + Q, with the slow error of fixes, of correlation time T, forgotten meanwhile. White noise
 /// acts like a bias that lasts for the motion.
 ErrorMatrix<GpsInsState> moved_covariance(const ErrorMatrix<GpsInsState>& P, const MotionJacobian& J,
-                                          const InertialNoise& noise, double correlation_s);
+                                          const InertialNoiseParams& noise, double correlation_s);
 
 /// Of a number with this squared distance from zero, in units of its covariance, the share that is more than its own
 /// error: 0 up to 3 sigma, then as James and Stein (1961) shrink a mean.
@@ -143,7 +131,7 @@ struct YawEffect {
   double share_left = 1.0;
 };
 YawEffect leave_out_insignificant(MotionJacobian& J, const Eigen::Quaterniond& q_world_body,
-                                  const ErrorMatrix<GpsInsState>& P, const InertialNoise& noise);
+                                  const ErrorMatrix<GpsInsState>& P, const InertialNoiseParams& noise);
 
 /// Variance of the angle about the vertical.
 double vertical_variance(const Eigen::Quaterniond& q_world_body, const ErrorMatrix<GpsInsState>& P);

@@ -7,8 +7,6 @@
 #include <vector>
 
 #include <geometry_msgs/PoseWithCovarianceStamped.h>
-#include <geometry_msgs/TwistStamped.h>
-#include <geometry_msgs/TwistWithCovarianceStamped.h>
 #include <sensor_msgs/Imu.h>
 #include <sensor_msgs/NavSatFix.h>
 #include <tf2/buffer_core.h>
@@ -48,9 +46,6 @@ class GpsInsInput {
   /// zero is replaced by `fix_sigma_m`. A fix without an altitude (not a number) is taken to be at the height of the
   /// one before, within 50 m.
   void add_fix(const sensor_msgs::NavSatFix& msg, std::int64_t received_ns = StampOrder::kNone);
-  /// The velocity of the antenna along east, north and up, as receivers publish it: whatever the frame is called. A
-  /// covariance that is unknown or zero is replaced by that of a usual receiver, and counted.
-  void add_velocity(const geometry_msgs::TwistWithCovarianceStamped& msg);
   /// That of the latest add_fix, if it has a position and a covariance, and its stamp is in order.
   const std::optional<GeodeticFix>& good_fix() const { return good_fix_; }
   /// Where the antenna is on the base (m), once there is a filter.
@@ -119,9 +114,6 @@ class GpsInsInput {
   std::int64_t fix_stamp_ns_ = StampOrder::kNone;
   std::int64_t heading_stamp_ns_ = StampOrder::kNone;
 };
-
-/// A velocity whose covariance is not known.
-geometry_msgs::TwistWithCovarianceStamped without_covariance(const geometry_msgs::TwistStamped& msg);
 
 /// Keeps the first sentence of GpsInsInput::contradiction, or one that names a cause in the place of one that does not.
 void keep_contradiction(std::string& kept, const std::string& now);

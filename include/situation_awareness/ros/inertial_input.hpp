@@ -7,8 +7,6 @@
 #include <string>
 #include <utility>
 
-#include <geometry_msgs/TwistStamped.h>
-#include <geometry_msgs/TwistWithCovarianceStamped.h>
 #include <ros/time.h>
 #include <sensor_msgs/Imu.h>
 #include <sensor_msgs/LaserScan.h>
@@ -45,8 +43,7 @@ struct InertialScan {
         T_odom_lidar_end(posed.T_world_sensor_end) {}
 };
 
-/// The input of a stage that places scans by GPS and INS, of the topics `imu`, `fix`, `fix_velocity` and
-/// `fix_twist`: a scan waits until inertial
+/// The input of a stage that places scans by GPS and INS, of the topics `imu` and `fix`: a scan waits until inertial
 /// navigation reaches its last beam, one from before the pose was ready for InertialNavigation::kBacklog_s at most.
 /// Those are processed at once when it is, and none of them is passed over. What is not used is counted by reason. All
 /// calls are on the callback queue of its stage, without a lock; `context` must outlive it.
@@ -62,10 +59,8 @@ class InertialInput {
 
  private:
   void take(const sensor_msgs::LaserScanConstPtr& msg, const ros::SteadyTime& arrival);
-  /// Counts why a message of a topic is not used.
-  template <class Message, class Use>
-  void add(const Message& msg, const std::string& topic, const Use& use);
-  void add_imu(const sensor_msgs::Imu& msg);
+  void add(const sensor_msgs::Imu& msg);
+  void add(const sensor_msgs::NavSatFix& msg);
   void release();
   std::pair<std::string, std::string> why_no_pose() const;
   void report(StageDiagnostics::Status& status);
@@ -77,11 +72,9 @@ class InertialInput {
   InertialNavigation navigation_;
   GpsInsReport report_;
   Refusals refusals_;
-  std::uint64_t received_ = 0, reported_received_ = 0, fixes_received_ = 0, velocities_received_ = 0;
+  std::uint64_t received_ = 0, reported_received_ = 0, fixes_received_ = 0;
   std::optional<TimedSubscriber<sensor_msgs::Imu>> imu_;
   std::optional<TimedSubscriber<sensor_msgs::NavSatFix>> fix_;
-  std::optional<TimedSubscriber<geometry_msgs::TwistWithCovarianceStamped>> velocity_;
-  std::optional<TimedSubscriber<geometry_msgs::TwistStamped>> twist_;
 };
 
 }  // namespace situation_awareness

@@ -8,7 +8,6 @@
 #include <vector>
 
 #include <geometry_msgs/TransformStamped.h>
-#include <geometry_msgs/TwistWithCovarianceStamped.h>
 #include <sensor_msgs/Imu.h>
 #include <sensor_msgs/NavSatFix.h>
 #include <tf2/buffer_core.h>
@@ -28,9 +27,9 @@ namespace situation_awareness {
 /// the gap is in the `odom` before it; after a jump of its stamps back, with another `odom`. Memory is bounded by
 /// kBacklog_s.
 ///
-/// What is made of the messages does not depend on when fixes and velocities arrive among the samples, if it is within
-/// kPatience_s of their stamps: samples are used at once, and each of the others when the samples are so far after it.
-/// Samples that come before it is known where the sensors are wait for that.
+/// What is made of the messages does not depend on when fixes arrive among the samples, if it is within kPatience_s of
+/// their stamps: samples are used at once, and each fix when the samples are so far after it. Samples that come before
+/// it is known where the sensors are wait for that.
 class InertialNavigation {
  public:
   /// The time before the pose was ready of which there are poses.
@@ -49,15 +48,11 @@ class InertialNavigation {
 
   /// `tf`: for the places of the sensors on the base; must outlive this. Throws std::invalid_argument as the
   /// parameters' check.
-  /// `patience_s`: that of its fixes and velocities.
-  InertialNavigation(const GpsInsNodeletParams& params, const tf2::BufferCore& tf, Use use,
-                     double patience_s = kPatience_s);
+  InertialNavigation(const GpsInsNodeletParams& params, const tf2::BufferCore& tf, Use use);
 
   /// As GpsInsInput::add_imu. Throws as Use::add.
   std::string add_imu(const sensor_msgs::Imu& msg, std::int64_t received_ns = StampOrder::kNone);
   void add_fix(const sensor_msgs::NavSatFix& msg, std::int64_t received_ns = StampOrder::kNone);
-  /// As GpsInsInput::add_velocity.
-  void add_velocity(const geometry_msgs::TwistWithCovarianceStamped& msg);
 
   bool is_ready() const { return odometry_.has_begun(); }
   /// Whether the pose was ready at the stamp; poses of stamps before that are made of what came later, for which what
@@ -87,27 +82,18 @@ class InertialNavigation {
     Message msg;
     std::int64_t received_ns;
   };
-  template <class Message>
-  using Queue = std::deque<Waiting<Message>>;  ///< by stamp
 
   void follow();
-  template <class Message>
-  static void insert(Queue<Message>& queue, const Message& msg, std::int64_t received_ns);
-  template <class Message>
-  void use_waiting(Queue<Message>& queue);
-  void use_waiting();
-  void use(const Waiting<sensor_msgs::NavSatFix>& fix);
-  void use(const Waiting<geometry_msgs::TwistWithCovarianceStamped>& velocity);
+  void use_fixes();
+  void use_fix(const Waiting<sensor_msgs::NavSatFix>& fix);
   void place_fixes();
   void go_on(const GpsInsPose& pose);
   void restart(std::int64_t stamp_ns);
 
   GpsInsInput input_;
   Use use_;
-  double patience_s_;
-  std::deque<Waiting<sensor_msgs::Imu>> samples_;  ///< until there is a filter
-  Queue<sensor_msgs::NavSatFix> waiting_fixes_;
-  Queue<geometry_msgs::TwistWithCovarianceStamped> waiting_velocities_;
+  std::deque<Waiting<sensor_msgs::Imu>> samples_;              ///< until there is a filter
+  std::deque<Waiting<sensor_msgs::NavSatFix>> waiting_fixes_;  ///< by stamp
   std::uint64_t late_fixes_ = 0;
   InertialOdometry odometry_;
 };

@@ -40,8 +40,6 @@ void add_navigation_options(CommandLine& app, NavigationOptions& options) {
   };
   text("--imu-topic", options.imu_topic, "TOPIC", "sensor_msgs/Imu");
   text("--fix-topic", options.fix_topic, "TOPIC", "sensor_msgs/NavSatFix");
-  text("--velocity-topic", options.velocity_topic, "TOPIC",
-       "geometry_msgs/TwistWithCovarianceStamped or TwistStamped of the receiver, along east, north and up");
   text("--origin", options.origin, "LAT,LON,ALT", "of the world, in degrees and m (default: the first good fix)");
 }
 
@@ -56,14 +54,13 @@ BagOptions with_backlog(BagOptions options) {
 
 BagNavigation::BagNavigation(const std::string& program, BagPlayer& player, const BagOptions& bag,
                              const NavigationOptions& options, const std::string& base_frame,
-                             const GpsInsParams& params, double patience_s)
+                             const GpsInsParams& params)
     : program_(program),
       player_(player),
       imu_topic_(options.imu_topic),
       fix_topic_(options.fix_topic),
       imu_frame_(frame_of<sensor_msgs::Imu>(bag, options.imu_topic)),
-      fix_frame_(frame_of<sensor_msgs::NavSatFix>(bag, options.fix_topic)),
-      patience_s_(patience_s) {
+      fix_frame_(frame_of<sensor_msgs::NavSatFix>(bag, options.fix_topic)) {
   params.validate();
   params_.base_frame = tf2_frame(base_frame);
   params_.origin = options.origin;
@@ -75,15 +72,6 @@ BagNavigation::BagNavigation(const std::string& program, BagPlayer& player, cons
     navigation_->add_fix(*msg, to_nanoseconds(recorded));
     keep_contradiction(contradiction_, navigation_->input().contradiction());
   });
-  const std::string& velocities = options.velocity_topic;
-  if (velocities.empty()) return;
-  if (player.has<geometry_msgs::TwistStamped>(velocities)) {
-    player.subscribe<geometry_msgs::TwistStamped>(
-        velocities, [this](const auto& msg, const ros::Time&) { add(without_covariance(*msg)); });
-  } else {
-    player.subscribe<geometry_msgs::TwistWithCovarianceStamped>(
-        velocities, [this](const auto& msg, const ros::Time&) { add(*msg); });
-  }
 }
 
 void BagNavigation::subscribe_scans(const std::string& topic, const RangeLimiterParams& params,
@@ -110,6 +98,7 @@ std::string BagNavigation::why_nothing(const std::string& why_no_hit) const {
   return mapped_ > 0 && why_not.empty() ? "the pose was not known before the last scan" : why_not;
 }
 
+/// Why there is no pose at the end, in one sentence, after what contradicted each other; empty if there is.
 std::string BagNavigation::why_not_ready() const {
   const std::string why = navigation_ ? navigation_->input().why_not_ready() : "there is no sample of the IMU";
   return why.empty() || contradiction_.empty() ? why : contradiction_ + "; " + why;
@@ -156,23 +145,13 @@ void BagNavigation::begin() {
   params_.fix_frame = known(fix_frame_, fix_topic_);
   navigation_.emplace(params_, player_.tf(),
                       InertialNavigation::Use{[this](const auto& T_odom_base) { player_.add_pose(T_odom_base); },
-                                              [this] { player_.forget_poses(); }},
-                      patience_s_);
+                                              [this] { player_.forget_poses(); }});
 }
 
 void BagNavigation::add(const sensor_msgs::Imu& msg, std::int64_t recorded_ns) {
   begin();
   const std::string reason = navigation_->add_imu(msg, recorded_ns);
-  if (!reason.empty()) {
-    ++refused_[reason];
-  } else if (use_pose_ && navigation_->is_ready()) {
-    use_pose_(navigation_->input().filter()->pose());
-  }
-}
-
-void BagNavigation::add(const geometry_msgs::TwistWithCovarianceStamped& velocity) {
-  begin();
-  navigation_->add_velocity(velocity);
+  if (!reason.empty()) ++refused_[reason];
 }
 
 }  // namespace situation_awareness

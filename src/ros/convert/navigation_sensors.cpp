@@ -34,16 +34,6 @@ GeodeticFix fix_from_msg(const sensor_msgs::NavSatFix& msg) {
   return fix;
 }
 
-AntennaVelocity velocity_from_msg(const geometry_msgs::TwistWithCovarianceStamped& msg) {
-  AntennaVelocity velocity;
-  velocity.stamp_ns = to_nanoseconds(msg.header.stamp);
-  const geometry_msgs::Vector3& linear = msg.twist.twist.linear;
-  velocity.world_m_s = {linear.x, linear.y, linear.z};
-  velocity.covariance_m2_s2 =
-      Eigen::Map<const Eigen::Matrix<double, 6, 6, Eigen::RowMajor>>(msg.twist.covariance.data()).topLeftCorner<3, 3>();
-  return velocity;
-}
-
 nav_msgs::Odometry odometry_to_msg(const GpsInsPose& pose, const std::string& world_frame,
                                    const std::string& base_frame) {
   nav_msgs::Odometry msg;

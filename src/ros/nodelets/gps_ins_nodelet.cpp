@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// imu, fix, fix_velocity or fix_twist, altitude, heading, TF base -> imu and antenna  ->  odometry, pose, TF world ->
-// base
+// imu, fix, altitude, heading, TF base -> imu and antenna  ->  odometry, pose, TF world -> base
 #include <algorithm>
 #include <cstdint>
 #include <exception>
@@ -9,8 +8,6 @@
 #include <utility>
 
 #include <geometry_msgs/PoseWithCovarianceStamped.h>
-#include <geometry_msgs/TwistStamped.h>
-#include <geometry_msgs/TwistWithCovarianceStamped.h>
 #include <nav_msgs/Odometry.h>
 #include <ros/service_server.h>
 #include <sensor_msgs/Imu.h>
@@ -52,8 +49,6 @@ class GpsInsStage {
     context.diagnostics().on_report([this](StageDiagnostics::Status& status) { report_.report(status); });
     context.when_made([this] {
       subscribe(fix_, "fix", [this](const auto& fix) { input_.add_fix(fix, receipt_ns()); });
-      subscribe(velocity_, "fix_velocity", [this](const auto& velocity) { input_.add_velocity(velocity); });
-      subscribe(twist_, "fix_twist", [this](const auto& twist) { input_.add_velocity(without_covariance(twist)); });
       subscribe(altitude_, "altitude", [this](const auto& altitude) { input_.add_altitude(altitude); });
       if (params_.use_heading) {
         subscribe(heading_, "heading", [this](const auto& heading) { input_.add_heading(heading); });
@@ -133,8 +128,6 @@ class GpsInsStage {
   tf2_ros::TransformBroadcaster broadcaster_;
   TransformInput transform_input_;
   std::optional<TimedSubscriber<sensor_msgs::NavSatFix>> fix_;
-  std::optional<TimedSubscriber<geometry_msgs::TwistWithCovarianceStamped>> velocity_;
-  std::optional<TimedSubscriber<geometry_msgs::TwistStamped>> twist_;
   std::optional<TimedSubscriber<geometry_msgs::PoseWithCovarianceStamped>> altitude_;
   std::optional<TimedSubscriber<sensor_msgs::Imu>> heading_;
   ros::ServiceServer reset_;

@@ -66,9 +66,19 @@ void add_options(CommandLine& app, Options& options) {
   });
 }
 
+/// R = Rz(yaw) Ry(pitch) Rx(roll).
 Json json_of(const WorldPose& known, const Splinegons& splinegons) {
+  const Eigen::Isometry3d& T_world_base = known.T_world_base;
   Json line;
-  line["pose"] = json_of_pose(known.T_world_base, known.covariance);
+  Json& pose = line["pose"] = Json::object();
+  const Eigen::Matrix3d& R = T_world_base.linear();
+  pose["x"] = finite(T_world_base.translation().x());
+  pose["y"] = finite(T_world_base.translation().y());
+  pose["z"] = finite(T_world_base.translation().z());
+  pose["roll"] = finite(std::atan2(R(2, 1), R(2, 2)));
+  pose["pitch"] = finite(std::atan2(-R(2, 0), std::hypot(R(2, 1), R(2, 2))));
+  pose["yaw"] = finite(std::atan2(R(1, 0), R(0, 0)));
+  pose["covariance"] = list_of(36, [&](int i) { return known.covariance(i / 6, i % 6); });
   Json& list = line["boundaries"] = Json::array();
   for (const Splinegon& splinegon : splinegons.boundaries) {
     Json& element = add_object(list, 4);

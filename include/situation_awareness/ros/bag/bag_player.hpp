@@ -24,7 +24,6 @@
 #include "situation_awareness/common/counters.hpp"
 #include "situation_awareness/ros/bag/bag_options.hpp"
 #include "situation_awareness/ros/bag/recording.hpp"
-#include "situation_awareness/ros/convert/poses.hpp"
 #include "situation_awareness/ros/transform_queue.hpp"
 
 namespace situation_awareness {
@@ -61,14 +60,6 @@ class BagPlayer {
     subscriptions_[find_topic(topic, datatype<Message>())] = [take = std::move(take)](const auto& instance) {
       take(read<Message>(instance), instance.getTime());
     };
-  }
-
-  /// Whether the topic, with or without its leading slash, is in the bag with messages of this type.
-  template <class Message>
-  bool has(const std::string& topic) const {
-    const auto topics = recording_.topics();
-    const std::string bare = tf2_frame(topic), type = ros::message_traits::datatype<Message>();
-    return topics.count({"/" + bare, type}) + topics.count({bare, type}) > 0;
   }
 
   /// The same for the program's measurements: `take` must call `use_when_posed`, `drop` or `pass_over` for each.

@@ -6,9 +6,7 @@
 #include <functional>
 #include <optional>
 #include <string>
-#include <utility>
 
-#include <geometry_msgs/TwistWithCovarianceStamped.h>
 #include <sensor_msgs/Imu.h>
 #include <Eigen/Geometry>
 
@@ -27,11 +25,10 @@ namespace situation_awareness {
 /// Where an IMU and fixes of a GPS receiver are.
 struct NavigationOptions {
   std::string imu_topic = "/imu", fix_topic = "/fix";
-  std::string velocity_topic;  ///< of the receiver; empty: none
-  std::string origin;          ///< of the world, as text; empty: the first good fix
+  std::string origin;  ///< of the world, as text; empty: the first good fix
 };
 
-/// --imu-topic, --fix-topic, --velocity-topic and --origin.
+/// --imu-topic, --fix-topic and --origin.
 void add_navigation_options(CommandLine& app, NavigationOptions& options);
 
 /// Throws CommandLineError if the origin is none.
@@ -43,16 +40,11 @@ BagOptions with_backlog(BagOptions options);
 /// Inertial navigation while a bag is played, in the player's transforms: gives the player the poses of the base.
 class BagNavigation {
  public:
-  /// `program`: its name, for warnings; `patience_s`: that of InertialNavigation. Throws as BagPlayer::subscribe and
-  /// GpsInsParams::validate.
+  /// `program`: its name, for warnings. Throws as BagPlayer::subscribe and GpsInsParams::validate.
   BagNavigation(const std::string& program, BagPlayer& player, const BagOptions& bag, const NavigationOptions& options,
-                const std::string& base_frame, const GpsInsParams& params,
-                double patience_s = InertialNavigation::kPatience_s);
+                const std::string& base_frame, const GpsInsParams& params);
   BagNavigation(const BagNavigation&) = delete;
   BagNavigation& operator=(const BagNavigation&) = delete;
-
-  /// Calls `use` with the pose after each sample by which it is known.
-  void on_pose(std::function<void(const GpsInsPose& pose)> use) { use_pose_ = std::move(use); }
 
   /// Maps a scan at its first and last beam, and returns how scans are placed in the map.
   using Map =
@@ -69,17 +61,14 @@ class BagNavigation {
   /// was used and had hits.
   std::string why_nothing(const std::string& why_no_hit) const;
 
-  /// Why there is no pose at the end, in one sentence, after what contradicted each other; empty if there is.
-  std::string why_not_ready() const;
-
   /// Prints what was refused, and warns of measurements that contradicted each other at any time.
   void print_summary();
 
  private:
+  std::string why_not_ready() const;
   std::string known(const std::string& frame, const std::string& topic) const;
   void begin();
   void add(const sensor_msgs::Imu& msg, std::int64_t recorded_ns);
-  void add(const geometry_msgs::TwistWithCovarianceStamped& velocity);
 
   void warn(const std::string& what) const;
 
@@ -87,9 +76,7 @@ class BagNavigation {
   BagPlayer& player_;
   GpsInsNodeletParams params_;
   std::string imu_topic_, fix_topic_, imu_frame_, fix_frame_;
-  double patience_s_;
   std::optional<InertialNavigation> navigation_;
-  std::function<void(const GpsInsPose&)> use_pose_;
   Counters refused_;
   std::string contradiction_;
   std::size_t mapped_ = 0, used_ = 0;  ///< scans

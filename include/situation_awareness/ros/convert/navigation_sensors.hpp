@@ -3,7 +3,6 @@
 
 #include <string>
 
-#include <geometry_msgs/TwistWithCovarianceStamped.h>
 #include <nav_msgs/Odometry.h>
 #include <sensor_msgs/Imu.h>
 #include <sensor_msgs/NavSatFix.h>
@@ -18,9 +17,6 @@ InertialSample inertial_sample_from_msg(const sensor_msgs::Imu& msg);
 /// Latitude, longitude and altitude on the WGS 84 ellipsoid with the covariance of east, north and up; one of unknown
 /// type is zero, which GpsIns refuses.
 GeodeticFix fix_from_msg(const sensor_msgs::NavSatFix& msg);
-
-/// Its linear part along east, north and up, with the covariance of that.
-AntennaVelocity velocity_from_msg(const geometry_msgs::TwistWithCovarianceStamped& msg);
 
 /// Pose and twist of the base with their covariances, as REP 103 and nav_msgs have them: the pose is that of the base
 /// in the world, and its covariance is of the position along the world's axes and of the small rotation about the
