@@ -26,6 +26,7 @@ LEFT_OUT = {  # constant: the reason
     **dict.fromkeys(("kAxis", "kRates", "kPosition", "kVelocity", "kOrientation", "kAngularVelocity", "kRadii",
                      "kShape", "kMeasurementSize"), "index or size of a vector"),
     "kChiSquare99": "a quantile: follows from the 99 % of the interface",
+    "kChiSquare999": "a quantile: that of a view that contradicts the known sizes of a box",
     "kLongestPrediction_s": "acts after an hour without a scan, longer than any flight",
     "kMaxMapAge_s": "acts in the pipeline, on a map older than 0.5 s; in a flight each scan updates the map",
 }
