@@ -506,7 +506,12 @@ void SemanticMap::tell() {
   }
   for (Gone& gone : delta_.gone) {
     const FeatureId into = heir_on_map(owners_[gone.id].into);
-    if (into == 0) continue;
+    if (into == 0) {
+      // No layer lost what became part of a feature that is off the map by now: nothing has seen its place free.
+      const bool is_lost = feature_in(last_, gone.id) != nullptr;
+      if (owners_[gone.id].into != 0 && !is_lost) gone.reason = GoneReason::kLeft;
+      continue;
+    }
     gone.reason = GoneReason::kMerged;
     gone.into = into;
   }
