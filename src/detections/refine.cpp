@@ -14,8 +14,8 @@ namespace situation_awareness {
 namespace {
 
 constexpr double kSureOfShape = 0.9;  // probability from which on a known object is refined as this shape
-/// The same of an ellipse: a view of one side of something else, such as the rounded rear of a car, is an ellipse with
-/// up to 0.91 (overtake_ego), and then what it does not show would be known.
+/// A known object is refined as an ellipse from this probability on: a view of one side of something else, such as the
+/// rounded rear of a car, is an ellipse with up to 0.91 (overtake_ego), and then what it does not show would be known.
 constexpr double kSureOfEllipse = 0.97;
 constexpr double kMaxOffset_m = 0.1;  // mean distance of an object's hits from its expected outline
 constexpr double kLarger = 1.3;       // factor on a known ellipse's length from which on a segment is more than it

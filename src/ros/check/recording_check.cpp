@@ -377,7 +377,7 @@ void RecordingCheck::follow_scans() {
   }
 }
 
-/// The same with clouds.
+/// Follows the clouds of the recording as a map would be made of them.
 void RecordingCheck::follow_clouds() {
   BagPlayer player(bag_options(), {});
   ScannerMotion motion;

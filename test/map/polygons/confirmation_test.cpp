@@ -40,7 +40,7 @@ std::vector<Polylines> recording() {
   return scans;
 }
 
-/// Of one in `every` of the scans.
+/// Returns the map of one in `every` of the scans.
 Polygons map_of(const std::vector<Polylines>& scans, std::size_t every) {
   PolygonMap map({});
   for (std::size_t i = 0; i < scans.size(); i += every) {
@@ -70,7 +70,7 @@ double distance_m(const Eigen::Vector2d& p_m, const std::vector<Eigen::Vector2d>
   return least_m;
 }
 
-/// Of all that stands at the end.
+/// Returns places on the outlines of all that stands at the end.
 std::vector<Eigen::Vector2d> true_places() {
   Polygons truth;
   for (const Box& box : {Box{{0.0, 0.0}, 0.0, 3.0, 2.0}, kStands}) {

@@ -43,7 +43,7 @@ class RoomPolylines {
   }
 
   void set_stamp(std::int64_t stamp_ns) { stamp_ns_ = stamp_ns; }
-  /// Of the scans from the next one on. How fast the place moves stays.
+  /// Sets the period of the scans from the next one on. How fast the place moves stays.
   void set_period(std::int64_t period_ns) { period_ns_ = period_ns; }
   std::int64_t stamp_ns() const { return stamp_ns_; }
 

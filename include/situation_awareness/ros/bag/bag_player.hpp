@@ -62,8 +62,8 @@ class BagPlayer {
     };
   }
 
-  /// The same for the program's measurements: `take` must call `use_when_posed`, `drop` or `pass_over` for each.
-  /// `noun`: their name, such as "scans".
+  /// `take` gets the messages of a topic as `subscribe` says, of which each is a measurement of the program: it must
+  /// call `use_when_posed`, `drop` or `pass_over` for each. `noun`: their name, such as "scans".
   template <class Message>
   void subscribe_measurements(const std::string& topic, const std::string& noun, Take<Message> take) {
     subscribe<Message>(topic, [this, take = std::move(take)](const auto& msg, const ros::Time& recorded) {
@@ -98,7 +98,7 @@ class BagPlayer {
   /// Forgets the poses: those that come next may be of earlier stamps, or of another world.
   void forget_poses();
 
-  /// Of the base at the stamp of a measurement, and of a scan or cloud, while it is used.
+  /// These return the pose of the base at the stamp of a measurement, and at that of a scan or cloud, while it is used.
   Eigen::Isometry3d T_world_base_at(std::int64_t stamp_ns) const;
   Eigen::Isometry3d T_world_base_of_scan(std::int64_t stamp_ns) const;
 
