@@ -45,6 +45,17 @@ std::string quoted(const std::string& text) {
   return is_plain && !text.empty() ? text : "'" + text + "'";
 }
 
+/// Plays the recording to its end; returns why nothing of it was mapped, or nothing.
+std::string why_nothing_mapped(BagPlayer& player) {
+  player.play();
+  try {
+    player.check_mapped();
+    return "";
+  } catch (const std::runtime_error& error) {
+    return error.what();
+  }
+}
+
 }  // namespace
 
 std::string map_bag_line(const MapPlan& plan, const std::vector<std::string>& bags) {
@@ -362,11 +373,8 @@ void RecordingCheck::follow_scans() {
                           standing.add(scan);
                         }
                       });
-  player.play();
-  try {
-    player.check_mapped();
-  } catch (const std::runtime_error& error) {
-    findings_.push_back({error.what(), "docs/troubleshooting.md"});
+  if (const std::string why = why_nothing_mapped(player); !why.empty()) {
+    findings_.push_back({why, "docs/troubleshooting.md"});
     return;
   }
   if (has_poses) {
@@ -385,11 +393,8 @@ void RecordingCheck::follow_clouds() {
                    [&motion](const Scan& scan, const auto& T_world_lidar, const auto& /*T_world_lidar_end*/) {
                      motion.add(scan, T_world_lidar);
                    });
-  player.play();
-  try {
-    player.check_mapped();
-  } catch (const std::runtime_error& error) {
-    findings_.push_back({error.what(), "docs/troubleshooting.md"});
+  if (const std::string why = why_nothing_mapped(player); !why.empty()) {
+    findings_.push_back({why, "docs/troubleshooting.md"});
     return;
   }
   constexpr double kAtOnce_s = 0.0;  // whether the clouds lack times is told by what they show
